@@ -1,4 +1,4 @@
-# make demo : the main job on a synthetic traverse, a few queries, a picture of the map, what the simulation lacks, all in demo/
+# make demo : the main job on a synthetic traverse, a few queries, a picture of the map, what the simulation lacks, a drive without a microphone, all in demo/
 # make test : the tests; make slow : those marked slow, on real recordings (../shared/data)
 # make models : train the models that come with the package anew, from the recordings in ../shared/data (four minutes)
 # make docs : the documentation site, in docs/_build
@@ -32,6 +32,11 @@ demo: $(VENV)/.installed
 	@$(BIN)/bevameter map --db demo/terrain.db --track demo/recording --out demo/map.png
 	@echo; echo "==> what the simulation lacks, with pictures in demo/why.html: bevameter explain demo/recording --db demo/terrain.db"
 	@$(BIN)/bevameter explain demo/recording --db demo/terrain.db --report demo/why.html
+	@echo
+	@if [ -d demo/camera-imu ]; then echo "==> demo/camera-imu is there already"; else \
+	  echo "==> a drive with camera and inertial sensor, no microphone: demo/camera-imu"; $(BIN)/bevameter scenario camera-imu demo/camera-imu; fi
+	@echo "==> what each sense names rightly, and both together: demo/camera-imu into demo/camera-imu.db"
+	@$(BIN)/bevameter run demo/camera-imu --db demo/camera-imu.db
 
 test: $(VENV)/.installed-for-tests
 	@echo "==> tests"

@@ -83,6 +83,39 @@ def train_vibration(
         runs.append(run)
         if progress:
             progress(0.3 * len(kept) / len(labelled))
+    rest = None if progress is None else (lambda share: progress(0.3 + 0.7 * share))
+    return _train(runs, kept, rng, rest, said)
+
+
+def train_vibration_runs(
+    runs: Sequence[VibrationRun], labelled: Sequence[LabelledFile], rng: np.random.Generator,
+    *, candidates: Sequence[str] = CANDIDATES,
+) -> TrainingOutcome:  # fmt: skip
+    """Train on runs in memory.
+
+    Parameters
+    ----------
+    runs
+        n runs; channels that all of them share are used, as in `train_vibration`.
+    labelled
+        Of each run the file that it is from, with class, group and stretch.
+    rng
+        Draws the splits.
+    candidates
+        Kinds of classifiers to choose from, of `bevameter.framework.core.classifier.fitting.CANDIDATES`.
+
+    Raises
+    ------
+    InputError
+        As in `train_vibration`.
+    """
+    return _train(runs, labelled, rng, None, (), candidates)
+
+
+def _train(
+    runs: Sequence[VibrationRun], kept: Sequence[LabelledFile], rng: np.random.Generator,
+    progress: Callable[[float], None] | None, notes: Sequence[str], candidates: Sequence[str] = CANDIDATES,
+) -> TrainingOutcome:  # fmt: skip
     channels = _shared_channels(runs)
     blocks, label, group, samples = [], [], [], []
     for run, item in zip(runs, kept, strict=True):
@@ -110,11 +143,10 @@ def train_vibration(
     order = np.concatenate([np.arange(len(features)), spared])
     return TerrainClassifier.train(
         np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
-        modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=CANDIDATES,
-        columns=dict.fromkeys(CANDIDATES, (0, len(channels.names) - channels.of_mounting)),
+        modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=candidates,
+        columns=dict.fromkeys(candidates, (0, len(channels.names) - channels.of_mounting)),
         degraded=np.arange(len(order)) >= len(features), samples=samples, sample_of=order,
-        source=Path(labelled[0].file).parent, notes=said,
-        progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
+        source=Path(kept[0].file).parent, notes=notes, progress=progress,
     )  # fmt: skip
 
 

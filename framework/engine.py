@@ -16,6 +16,7 @@ import numpy as np
 
 from ..database.observations import Drive, TerrainObservations
 from ..database.storable import check_storable
+from .agreement import agreement_with
 from .conditions import METHOD, Conditions
 from .core.recording.types import Recording
 from .core.track.way import DEAD_RECKONING, Track, track_of
@@ -144,6 +145,7 @@ def conclude(begun: Begun, records: tuple[SenseRecord, ...], began: float, repor
         observations_known=0,
         problems=(*begun.problems, *soil.problems),
         seconds=seconds,
+        agreement=agreement_with(recording.labels, along, records, track, recording.vehicle, cell_size_m),
     )
     return Processed(drive, begun.about, begun.problems, summary, seconds)
 

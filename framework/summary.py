@@ -72,6 +72,16 @@ class SenseSummary:
 
 
 @dataclass(frozen=True)
+class Agreement:
+    """Length of track on which a sense, or all together, named the class of the labels, another, or none [m]."""
+
+    sense: str
+    right_m: float
+    wrong_m: float
+    unknown_m: float
+
+
+@dataclass(frozen=True)
 class LearntSoil:
     """The soil that was learnt on one stretch.
 
@@ -180,6 +190,8 @@ class TraverseSummary:
     origin, offset
         Where on Earth the site's frame lies, and where the recording's lies in it; None where nobody knows, and where
         they are one.
+    agreement
+        How each sense, and last all together, agree with the recording's labels; empty without such.
     """
 
     recording: str
@@ -209,6 +221,7 @@ class TraverseSummary:
     notes: tuple[str, ...] = ()
     origin: Origin | None = None
     offset: Offset | None = None
+    agreement: tuple[Agreement, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Give the summary as plain tables and numbers, as `bevameter run --json` writes it."""

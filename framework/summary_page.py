@@ -14,7 +14,16 @@ from .core.html import bullets, figure, marked, page, table, unbroken
 from .core.recording.types import Recording
 from .map import map_figure
 from .summary import TraverseSummary
-from .summary_text import ground_table, heading, next_step, sense_lines, several_stretches, soil_lines, stored
+from .summary_text import (
+    agreement_table,
+    ground_table,
+    heading,
+    next_step,
+    sense_lines,
+    several_stretches,
+    soil_lines,
+    stored,
+)
 
 _SENSES = ("sense", "looks", "trusted", "mean quality", "cells", "model")
 
@@ -99,7 +108,8 @@ def _senses(summary: TraverseSummary) -> str:
         for one in summary.senses if not one.absent
     ]  # fmt: skip
     trusted = table(_SENSES, rows, text_columns=(0, 5)) if rows else ""
-    return f"<h2>How far the senses were trusted</h2>{trusted}{bullets(sense_lines(summary))}"
+    agreed = table(*agreement_table(summary)) if summary.agreement else ""
+    return f"<h2>How far the senses were trusted</h2>{agreed}{trusted}{bullets(sense_lines(summary))}"
 
 
 def _list(title: str, texts: Sequence[str]) -> str:

@@ -63,6 +63,15 @@ def soil_lines(soils: Sequence[LearntSoil]) -> list[str]:
     ]
 
 
+def agreement_table(summary: TraverseSummary) -> tuple[list[str], list[list[str]]]:
+    """Give a row a sense, and one for all together: how far the recording's labels agree."""
+    rows = []
+    for each in summary.agreement:
+        parts = each.right_m, each.wrong_m, each.unknown_m
+        rows.append([each.sense, *(f"{length:.1f}" for length in parts), f"{100 * parts[0] / sum(parts):.1f}"])
+    return ["against the labels, m of track", "right", "wrong", "unknown", "right %"], rows
+
+
 def sense_lines(summary: TraverseSummary) -> list[str]:
     """Say how far each sense and the wheels were trusted, and why not."""
     lines = []

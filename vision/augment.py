@@ -87,7 +87,7 @@ def relit(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     colour = np.clip(colour, 1e-4, None) ** np.exp(rng.normal(0, 0.2)) * np.exp(rng.normal(0, 0.3))
     if rng.random() < 0.3:
         angle, at = rng.uniform(0, 2 * np.pi), rng.uniform(-0.4, 0.4)
-        y, x = np.mgrid[0 : len(patch), 0 : len(patch)] / len(patch) - 0.5
+        y, x = np.mgrid[0 : patch.shape[0], 0 : patch.shape[1]] / np.reshape(patch.shape[:2], (2, 1, 1)) - 0.5
         dark = 1 / (1 + np.exp(-(x * np.cos(angle) + y * np.sin(angle) - at) * rng.uniform(10, 60)))
         colour *= (1 - rng.uniform(0.2, 0.6) * dark)[:, :, None]
     return np.clip(colour * 255 + 0.5, 0, 255).astype(np.uint8)
@@ -95,11 +95,11 @@ def relit(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def degraded(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A worse camera: coarser along the line of sight, out of focus, smeared, underexposed, noisy, compressed."""
-    side = len(patch)
+    (height, width), side = patch.shape[:2], min(patch.shape[:2])
     if rng.random() < 0.6:
-        coarse = np.maximum(8, side / np.exp(rng.uniform(0, np.log(3), 2))).astype(int)
+        coarse = np.maximum(8, np.array([width, height]) / np.exp(rng.uniform(0, np.log(3), 2))).astype(int)
         small = cv2.resize(patch, (int(coarse[0]), int(coarse[1])), interpolation=cv2.INTER_AREA)
-        patch = np.asarray(cv2.resize(small, (side, side), interpolation=cv2.INTER_LINEAR))
+        patch = np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR))
     if rng.random() < 0.3:
         patch = np.asarray(cv2.GaussianBlur(patch, (0, 0), rng.uniform(0.4, 1.6) * side / PATCH_PX))
     if rng.random() < 0.7:
@@ -107,12 +107,22 @@ def degraded(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     if rng.random() < 0.3:
         patch = (patch * np.exp(rng.uniform(np.log(MIN_LIGHT), 0))).astype(np.uint8)
     sd = np.exp(rng.uniform(*np.log(NOISE)))
-    noise = rng.normal(0, sd, patch.shape if np.ptp(patch, axis=2).any() else (side, side, 1))
+    noise = rng.normal(0, sd, patch.shape if np.ptp(patch, axis=2).any() else (height, width, 1))
     patch = np.clip(patch + noise + 0.5, 0, 255).astype(np.uint8)
     if rng.random() < 0.5:
         _, data = cv2.imencode(".jpg", patch, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(50, 96))])
         patch = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)
     return patch
+
+
+def whole_copies(image: np.ndarray, copies: int, rng: np.random.Generator, side_px: int = PATCH_PX) -> list[np.ndarray]:
+    """Cut a photograph (h, w, 3) as it is judged: as it came, and so many copies in another light, by a worse camera.
+
+    Each is (n, side_px, side_px, 3) uint8 (`image_patches`); what is wrong with a copy is wrong with all of its crops.
+    """
+    image = np.ascontiguousarray(reduced(image))
+    versions = [image, *(degraded(relit(image, rng), rng) for _ in range(copies))]
+    return [image_patches(version, side_px) for version in versions]
 
 
 def training_patches(

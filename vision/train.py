@@ -9,9 +9,10 @@ import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.classifier.labelled import LabelledFile, readable
+from ..framework.core.classifier.together import Wholes
 from ..framework.core.errors import InputError
 from ..framework.core.recording.camera import read_image
-from .augment import AS_IT_IS, CROP_SHARES, DEGRADED, GREY_SHARE, MAX_BLUR, training_patches
+from .augment import AS_IT_IS, CROP_SHARES, DEGRADED, GREY_SHARE, MAX_BLUR, SHARES, training_patches, whole_copies
 from .backbone import Backbone
 from .crops import IMAGE_PX, SIDES
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
@@ -21,6 +22,9 @@ from .quality import learn_limits, light, rated
 ROWS_WANTED = 6000
 PATCHES = (8, 40)
 """Fewest and most patches of one photograph."""
+WHOLES_WANTED = 800
+COPIES = (1, 4)
+"""Fewest and most degraded copies of one photograph from which it is learnt how far to trust all of its crops."""
 MIN_SIDE_PX = 16
 CANDIDATES = ("stiff logistic", "kernel")
 BACKBONE_CANDIDATES = ("stiff logistic", "kernel", "reduced logistic")
@@ -119,7 +123,9 @@ def _train(
     report = progress or (lambda share: None)
     measures = Measures(backbone)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
+    copies = COPIES[0] if backbone else int(np.clip(WHOLES_WANTED // max(count, 1), *COPIES))
     features, lights, kinds, labels, groups = [], [], [], [], []
+    versions, copying = [], rng.spawn(1)[0]  # of its own: patches are the same whether there are copies or none
     for index, (image, label, group) in enumerate(images):
         patches, kind = training_patches(image, each, rng, measures.side_px)
         small, values = measures.of(patches)
@@ -128,6 +134,9 @@ def _train(
         kinds.append(kind)
         labels.append(label)
         groups.append(group)
+        for crops in whole_copies(image, copies, copying, measures.side_px):
+            small, values = measures.of(crops)
+            versions.append((light(small), values))
         report(0.5 * (index + 1) / count)
     if not features:
         raise InputError("training data", "no photograph", expected="photographs of at least two classes")
@@ -164,10 +173,25 @@ def _train(
         quality=rated(np.concatenate(lights), rows, limits)[0],
         samples=samples,
         sample_of=np.repeat(np.arange(len(labels)), each),
+        wholes=_wholes(versions, labels, groups, 1 + copies, limits),
         source="labelled photographs",
         notes=notes,
         progress=lambda share: report(0.5 + 0.5 * share),
     )
+
+
+def _wholes(
+    measured: Sequence[tuple[np.ndarray, np.ndarray]], labels: Sequence[str], groups: Sequence[str], each: int,
+    limits: dict[str, float],
+) -> Wholes:  # fmt: skip
+    """Put together light and features of crops, `each` versions of a photograph of which the first is as it came."""
+    lights, features = (np.concatenate(part) for part in zip(*measured, strict=True))
+    return Wholes(
+        features, rated(lights, features, limits)[0],
+        np.repeat(np.arange(len(measured)), [len(values) for _, values in measured]),
+        np.repeat(np.asarray(labels, dtype=str), each), np.repeat(np.asarray(groups, dtype=str), each),
+        np.arange(len(measured)) % each > 0, SHARES[DEGRADED],
+    )  # fmt: skip
 
 
 def train_vision_patches(

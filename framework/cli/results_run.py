@@ -16,7 +16,16 @@ if TYPE_CHECKING:
 
 def print_summary(summary: TraverseSummary) -> None:
     """Print a run's answer first, then how far to trust it, then what was stored, and the next command."""
-    from ..summary_text import ground_table, heading, next_step, sense_lines, several_stretches, soil_lines, stored
+    from ..summary_text import (
+        agreement_table,
+        ground_table,
+        heading,
+        next_step,
+        sense_lines,
+        several_stretches,
+        soil_lines,
+        stored,
+    )
 
     print(f"{heading(summary)}\n")
     print_table(*ground_table(summary))
@@ -25,6 +34,9 @@ def print_summary(summary: TraverseSummary) -> None:
     for line in soil_lines(summary.soils):
         print(line)
     print()
+    if summary.agreement:
+        print_table(*agreement_table(summary))
+        print()
     for line in sense_lines(summary):
         print(line)
     for note in summary.notes:

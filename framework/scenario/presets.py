@@ -63,6 +63,8 @@ class Preset:
         Whether the drawbar pull is recorded.
     camera_rate_Hz, sound_rate_Hz
         Images and sound samples a second; None where there is no camera or no microphone.
+    inertial
+        Whether an inertial sensor records vibration (`vibration.felt`); it takes a vehicle of four wheels.
     fast_speed_m_s
         Speed of the fast phases [m/s].
     sound_start_s
@@ -82,6 +84,7 @@ class Preset:
     drawbar_pull: bool = True
     camera_rate_Hz: float | None = 5.0
     sound_rate_Hz: int | None = 22050
+    inertial: bool = False
     wheel_rate_Hz: float = 10.0
     fast_speed_m_s: float = 3.2
     sound_start_s: float = 0.35
@@ -180,6 +183,21 @@ _PRESETS: dict[str, Preset] = {
             Fault("camera_overexposed", 60.0, 64.0), Fault("camera_black", 112.0, 117.0),
             Fault("camera_gap", 117.0, 122.0), Fault("camera_truncated", 122.0, 127.0), Fault("wind", 158.0, 176.0),
             Fault("engine", 205.0, 219.0), Fault("microphone_dropout", 252.0, 264.0), Fault("wheel_nan", 286.0, 289.0),
+        ),
+    ),
+    "camera-imu": Preset(
+        about="two minutes on four wheels over six grounds with camera and inertial sensor; the camera is often blind",
+        legs=(
+            Leg("asphalt", 0.0, 14.0), Leg("gravel", 12.0, 14.0), Leg("grass", 0.0, 14.0), Leg("loam", 14.0, 12.0),
+            Leg("sand", 14.0, 14.0), Leg("clay", 0.0, 16.0),
+        ),
+        vehicle=_vehicle("demo vehicle", _FOUR_WHEELS, _camera(), hears=False),
+        sound_rate_Hz=None,
+        inertial=True,
+        loads_N=_FOUR_LOADS_N,
+        faults=(
+            Fault("camera_black", 18.0, 38.0), Fault("camera_overexposed", 52.0, 56.0), Fault("camera_gap", 68.0, 78.0),
+            Fault("camera_truncated", 96.0, 106.0),
         ),
     ),
     "short": Preset(

@@ -25,6 +25,7 @@ from .plan import Plan, make_plan
 from .presets import preset
 from .seeing import frame_times, seen
 from .soils import SOILS
+from .vibration import CHANNELS, RATE_HZ, felt
 from .wheels import RUT_STIFFENING, VARIATION, VARIATION_LENGTH_M, WheelRows, physics_of, wheel_rows
 
 Progress = Callable[[str, float], None]
@@ -36,6 +37,7 @@ _POSE_RATE_HZ = 20.0
 _DIGITS = {
     "time_s": 4, "load_N": 2, "torque_Nm": 4, "sinkage_m": 6, "slip": 6, "drawbar_pull_N": 3, "wheel_speed_rad_s": 5,
     "travel_speed_m_s": 5, "wheel_angle_rad": 5, "pitch_rad": 6, "pass": 0, "x_m": 4, "y_m": 4, "yaw_rad": 6,
+    **dict.fromkeys(CHANNELS, 5),
 }  # fmt: skip
 
 
@@ -132,6 +134,9 @@ def _write_all(plan: Plan, name: str, folder: Path, report: Progress) -> None:
     (folder / "truth.json").write_text(json.dumps(truth(plan, name), indent=1) + "\n", encoding="utf-8")
     report("wheels", 1.0)
     streams = ["wheel", "pose", "labels"]
+    if plan.preset.inertial:
+        _write_vibration(plan, folder / "vibration.csv")
+        streams.append("vibration")
     if plan.preset.sound_rate_Hz is not None:
         _write_sound(plan, folder / "sound.flac", report)
         streams.append("sound")
@@ -165,6 +170,20 @@ def _write_pose(plan: Plan, path: Path) -> None:
     columns = {"time_s": time, "x_m": plan.at(plan.x_m, time), "y_m": plan.at(plan.y_m, time)}
     columns["yaw_rad"] = plan.at(plan.yaw_rad, time)
     _write_csv(path, tuple(columns), zip(*(_text(name, values) for name, values in columns.items()), strict=True))
+
+
+def _write_vibration(plan: Plan, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("time_s", *CHANNELS))
+        number = 0
+        for block in felt(plan):
+            time = (number + np.arange(len(block))) / RATE_HZ
+            columns = (
+                _text(name, values) for name, values in zip(("time_s", *CHANNELS), (time, *block.T), strict=True)
+            )
+            writer.writerows(zip(*columns, strict=True))
+            number += len(block)
 
 
 def _write_sound(plan: Plan, path: Path, report: Progress) -> None:

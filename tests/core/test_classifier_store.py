@@ -182,6 +182,7 @@ def test_metadata_that_do_not_fit_are_refused(saved, change):
         ({"member_temperatures": 1.0}, "key member_temperatures: 1.0"),
         ({"trust": {"quality": [0.5], "weight": [2.0], "groups": [9]}}, "key trust: damaged: weight outside 0 to 1"),
         ({"trust": {"quality": [0.5], "weight": [1.0]}}, "key trust: damaged"),
+        ({"together": {"quality": [0.5], "weight": [1.0]}}, "key together: damaged"),
     ],
 )
 def test_metadata_of_another_kind_are_refused_by_key(saved, change, says):

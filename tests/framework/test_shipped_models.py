@@ -38,7 +38,7 @@ def test_the_documentation_gives_the_figures_of_the_training():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["audio-synthetic", "vision-synthetic"])
+@pytest.mark.parametrize("name", ["audio-synthetic", "vibration-synthetic", "vision-synthetic"])
 def test_models_of_synthetic_ground_are_what_the_command_makes(name, tmp_path):
     made_again(name, tmp_path)
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from bevameter.audio.classify import sound_evidence
+from bevameter.audio.vibration import vibration_evidence
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.scores import calibration_error
 from bevameter.framework.core.errors import InputError
@@ -22,6 +23,7 @@ from bevameter.framework.scenario.plan import Plan
 from bevameter.framework.scenario.seeing import frame_times, ground_sites, seen
 from bevameter.framework.scenario.view import GroundSite
 from bevameter.vision.observe import observe_ground
+from synthetic_samples import felt_run
 
 SURE = 0.9
 """Probability from which on a statement counts as sure [-]."""
@@ -144,6 +146,30 @@ def judge_microphone(plan: Plan, model: TerrainClassifier) -> Judged:
     whole = owner == np.searchsorted(edges, end_s - 1e-6, side="right")
     thirds = np.linspace(start_s + 0.01, end_s - 0.01, 4)
     return _judged(plan, evidence, owner, thirds, ("wind", "engine", "microphone_dropout"), whole)
+
+
+def judge_vibration(plan: Plan, model: TerrainClassifier) -> Judged:
+    """Let the inertial sensor's classifier feel a drive; windows across a boundary of classes are left out.
+
+    Parameters
+    ----------
+    plan
+        Of a preset with an inertial sensor.
+    model
+        Of modality ``"vibration"``.
+
+    Raises
+    ------
+    InputError
+        There is no inertial sensor, or the model is for other features.
+    """
+    if not plan.preset.inertial:
+        raise InputError("scenario", "a vehicle without an inertial sensor", expected="one with an inertial sensor")
+    start_s, end_s, evidence = vibration_evidence(felt_run(plan), model)
+    edges = [stretch.start_s for stretch in plan.stretches][1:]
+    owner = np.searchsorted(edges, start_s, side="right")
+    whole = owner == np.searchsorted(edges, end_s - 1e-6, side="right")
+    return _judged(plan, evidence, owner, start_s, (), whole)
 
 
 class _Film:

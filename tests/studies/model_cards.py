@@ -100,6 +100,9 @@ def card(name: str, made: Made, default: bool, seed: int) -> str:
         f"| {scored(part['accuracy'])} | {part['calibration_error']:.3f} |"
         for what, part in parts.items()
     )
+    for key, what in (("as_it_came", "a photograph as it came"), ("degraded", "a photograph degraded as a whole")):
+        if part := report.get("together", {}).get(key):
+            scores += f"\n| {what} | {part['n']} | {part['was_right']:.3f} | | {part['calibration_error']:.3f} |"
     others = "\n".join(
         f"| {each.what} | {each.n} | {scored(each.balanced) if each.balanced else ''} | {each.unknown:.2f} "
         f"| {each.said:.2f} | {each.right:.2f} | {each.sure_wrong} of {each.sure} |"

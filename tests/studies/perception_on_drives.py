@@ -1,7 +1,7 @@
 """What the package's models of synthetic ground state on whole drives: accuracy and calibration.
 
-Seeds 1 and 2 of `demo`, `short` and `rover4` were used in development; seeds from 101 on were not. Scores are
-those of `drive_scores`, pooled by the rows that are known.
+Seeds 1 and 2 of `demo`, `short` and `rover4`, and 0 to 3 of `camera-imu`, were used in development; seeds from 101 on
+were not. Scores are those of `drive_scores`, pooled by the rows that are known.
 
     python tests/studies/perception_on_drives.py --seeds 2
 """
@@ -14,10 +14,12 @@ import numpy as np
 from bevameter.framework.core.classifier.shipped import shipped_model
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
-from drive_scores import judge_camera, judge_microphone
+from drive_scores import judge_camera, judge_microphone, judge_vibration
 
 FIRST_SEED = 101
 NAMES = ("demo", "short", "rover4")
+FELT = "camera-imu"
+"""The drive with an inertial sensor."""
 
 
 def in_line(score: dict[str, float]) -> str:
@@ -33,12 +35,14 @@ def main() -> None:
     judges = {
         "camera": (judge_camera, shipped_model("vision-synthetic").load()),
         "microphone": (judge_microphone, shipped_model("audio-synthetic").load()),
+        "vibration sensor": (judge_vibration, shipped_model("vibration-synthetic").load()),
     }
     scores: dict[str, list[dict[str, float]]] = {sense: [] for sense in judges}
-    for name in NAMES:
+    for name in (*NAMES, FELT):
         for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
             plan = make_plan(PRESETS[name], seed)
-            for sense, (judge, model) in judges.items():
+            there = ("camera", "vibration sensor") if name == FELT else ("camera", "microphone")
+            for sense, (judge, model) in ((sense, judges[sense]) for sense in there):
                 judged = judge(plan, model)
                 scores[sense].append(judged.scores())
                 print(f"{name} {seed} {sense}: {in_line(scores[sense][-1])}", flush=True)

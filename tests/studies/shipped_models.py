@@ -26,10 +26,11 @@ import soundfile
 from bevameter.audio.classify import sound_evidence
 from bevameter.audio.features import RATE_HZ
 from bevameter.audio.train import train_audio_windows
-from bevameter.audio.vibration import vibration_evidence
+from bevameter.audio.vibration import train_vibration_runs, vibration_evidence
 from bevameter.framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from bevameter.framework.core.classifier.labelled import LabelledFile, read_labelled
 from bevameter.framework.core.recording.camera import read_image
+from bevameter.framework.core.recording.types import VibrationRun
 from bevameter.framework.core.recording.vibration import read_vibration_run
 from bevameter.framework.fusion import fuse
 from bevameter.framework.sense_map import SenseMap
@@ -40,7 +41,7 @@ from bevameter.vision.train import train_vision_patches
 from model_cards import Made, Measured, card, classified, scored
 from scipy.signal import iirpeak, lfilter
 from sklearn.model_selection import StratifiedGroupKFold
-from synthetic_samples import labelled_looks, labelled_sounds, looks_at
+from synthetic_samples import labelled_looks, labelled_runs, labelled_sounds, looks_at
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL_SEED, SYNTHETIC_SEED = 0, 20021
@@ -255,7 +256,7 @@ def vibration_real(data: Path) -> Made:
             f"probability of {mounted.said:.2f}.",
             "Another place or season: all runs of a class are of one place.",
         ),
-        lambda target: six_seconds(items[0].file, target.with_suffix(".csv")),
+        lambda target: six_seconds(read_vibration_run(items[0].file), target.with_suffix(".csv")),
     )
 
 
@@ -273,9 +274,8 @@ def otherwise_mounted(run, rng: np.random.Generator):
     return replace(run, channels=mean + moved)
 
 
-def six_seconds(source: Path, target: Path) -> Path:
-    """Write six seconds of an inertial sensor's run as CSV."""
-    run = read_vibration_run(source)
+def six_seconds(run: VibrationRun, target: Path) -> Path:
+    """Write six seconds of an inertial sensor's run as CSV, from the 20th on."""
     kept = slice(2000, 2000 + round(6 * run.sample_rate_Hz))
     table = np.column_stack([run.time_s[kept] - run.time_s[kept][0], run.channels[kept]])
     np.savetxt(target, table, fmt="%.5g", delimiter=",", header="time," + ",".join(run.names), comments="")
@@ -292,6 +292,8 @@ SYNTHETIC_SOURCES = "- the package's own synthetic world (`tests/studies/synthet
 def train_synthetic(sense: str, sites_per_class: int = SITES_PER_CLASS) -> TrainingOutcome:
     """Train on synthetic ground: on sites of its own the linear model beats trees and kernels."""
     rng = np.random.default_rng(SYNTHETIC_SEED)
+    if sense == "vibration":
+        return train_vibration_runs(*labelled_runs(rng, sites_per_class), rng)
     if sense == "vision":
         looks = labelled_looks(rng, sites_per_class)
         return train_vision_patches(
@@ -330,11 +332,19 @@ def audio_synthetic(data: Path) -> Made:
     return synthetic("audio", example)
 
 
+def vibration_synthetic(data: Path) -> Made:
+    def example(target: Path) -> Path:
+        runs, _ = labelled_runs(np.random.default_rng(SYNTHETIC_SEED + 2), 1)
+        return six_seconds(runs[0], target.with_suffix(".csv"))
+
+    return synthetic("vibration", example)
+
+
 # Cards and index ------------------------------------------------------------------------------------------------------
 
 RECIPES = {
     "audio-real": audio_real, "audio-synthetic": audio_synthetic, "vibration-real": vibration_real,
-    "vision-real": vision_real, "vision-synthetic": vision_synthetic,
+    "vibration-synthetic": vibration_synthetic, "vision-real": vision_real, "vision-synthetic": vision_synthetic,
 }  # fmt: skip
 
 

@@ -1,26 +1,36 @@
-"""Labelled looks and sounds of the synthetic world, for the small models that the package trains by itself.
+"""Labelled looks, sounds and runs of the synthetic world, for the small models that the package trains by itself.
 
 They come from the generators that also make the traverses, and go the same way through camera and microphone: ground is
 seen in perspective by a camera that moves, stored as JPEG and cut into cells as on a drive; a wheel is heard among
-its drive's whine, wind and engines. Only the sites, and how the camera is mounted, are others. A group is one site.
+its drive's whine, wind and engines; the demo's vehicle is shaken. Only the sites, how the camera is mounted, speeds and
+the load are others. A group is one site.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from bevameter.audio.augment import NOISES, sounding_power
 from bevameter.audio.features import RATE_HZ, WINDOW_S, resample
 from bevameter.audio.quality import NOISE_FREE_DB
+from bevameter.framework.core.classifier.labelled import LabelledFile
 from bevameter.framework.core.recording.camera import decode_image
+from bevameter.framework.core.recording.types import VibrationRun, WheelTable
+from bevameter.framework.core.recording.vibration import of_wheels
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound, engine, motor_whine, wind
 from bevameter.framework.scenario.ground import PAINTERS, paint_tile
-from bevameter.framework.scenario.presets import PRESETS
+from bevameter.framework.scenario.plan import Plan, make_plan
+from bevameter.framework.scenario.presets import PRESETS, Leg
+from bevameter.framework.scenario.roughness import ROUGHNESS
 from bevameter.framework.scenario.seeing import TARGET_LEVEL, jpeg
+from bevameter.framework.scenario.vibration import CHANNELS, felt
+from bevameter.framework.scenario.vibration import RATE_HZ as FELT_RATE_HZ
 from bevameter.framework.scenario.view import GroundSite, View
+from bevameter.framework.scenario.wheels import wheel_rows
 from bevameter.vision.project import GroundPatches, ground_patches
 
 SAMPLE_CLASSES = tuple(sorted(PAINTERS))
@@ -45,6 +55,11 @@ _WINDOWS_PER_SOUND = 3
 _SNR_DB = (-30.0, 35.0)
 _NOISY_SHARE = 0.55
 _FLOOR = 0.0006
+
+# How a vehicle is shaken.
+_SLOW_S, _FAST_S = 16.0, 20.0
+_FAST_M_S = (0.6, 4.5)
+_LOAD_SD = 0.05
 
 
 @dataclass(frozen=True)
@@ -241,5 +256,36 @@ def _among_noise(window: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarr
     return np.clip(window * gain, -1.0, 1.0).astype(np.float32), ratio_dB
 
 
-if set(VOICES) != set(PAINTERS):
-    raise RuntimeError("every class of the synthetic world has a look and a voice")
+def labelled_runs(rng: np.random.Generator, sites_per_class: int) -> tuple[list[VibrationRun], list[LabelledFile]]:
+    """Make runs of the demo's vehicle over one ground each, slow and then at a speed of its own; give their labels.
+
+    Parameters
+    ----------
+    rng
+        Source of randomness.
+    sites_per_class
+        Sites of each of `SAMPLE_CLASSES`, one run on each.
+    """
+    runs, labels = [], []
+    for name, index in _sites(sites_per_class, None):
+        usual = PRESETS["camera-imu"]
+        driven = replace(
+            usual, legs=(Leg(name, _SLOW_S, _FAST_S),), faults=(), fast_speed_m_s=_log_uniform(rng, _FAST_M_S),
+            loads_N=tuple(np.multiply(usual.loads_N, math.exp(rng.normal(0.0, _LOAD_SD))).tolist()),
+        )  # fmt: skip
+        runs.append(felt_run(make_plan(driven, int(rng.integers(2**32)))))
+        labels.append(LabelledFile(Path(f"{name}-{index:03d}"), name, f"{name}-{index:03d}"))
+    return runs, labels
+
+
+def felt_run(plan: Plan) -> VibrationRun:
+    """Give what the inertial sensor and the wheels of a drive record, as it is read back from a recording."""
+    channels = np.concatenate(list(felt(plan)))
+    rows = wheel_rows(plan)
+    table = WheelTable(rows.recorded, rows.wheel, None, Path("drive"))
+    time_s = np.arange(len(channels)) / FELT_RATE_HZ
+    return VibrationRun(time_s, CHANNELS, channels, *of_wheels(table, time_s), FELT_RATE_HZ, Path("drive"))
+
+
+if not set(VOICES) == set(PAINTERS) == set(ROUGHNESS):
+    raise RuntimeError("every class of the synthetic world has a look, a voice and a roughness")

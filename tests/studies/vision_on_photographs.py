@@ -91,28 +91,41 @@ def plain_features(image):
 
 
 def svm(images, labels, groups):
-    """A support vector machine on plain features; gives class names of images."""
+    """A support vector machine on plain features; gives class names of images, and no probability."""
     rows = [plain_features(image) for image in images]
     model = make_pipeline(StandardScaler(), SVC(C=10, gamma=0.003, class_weight="balanced"))
     model.fit(np.concatenate(rows), np.repeat(labels, 9))
 
     def named(images):
         votes = [model.decision_function(plain_features(image)).sum(axis=0) for image in images]
-        return model.classes_[np.argmax(votes, axis=1)]
+        return model.classes_[np.argmax(votes, axis=1)], np.full(len(images), np.nan)
 
     return named
 
 
 def package(images, labels, groups, backbone=None):
-    """The package's own: class names of images, "unknown" where it does not say."""
+    """The package's own: class names of images, "unknown" where it does not say, and their probabilities."""
     model = train_vision_arrays(images, labels, groups, np.random.default_rng(0), backbone=backbone).classifier
 
     def named(images):
         evidence = image_evidence(model, images)
         best = np.array(evidence.classes)[evidence.probabilities.argmax(axis=1)]
-        return np.where(evidence.unknown, "unknown", best)
+        return np.where(evidence.unknown, "unknown", best), evidence.probabilities.max(axis=1)
 
     return named
+
+
+def calibration(stated, right):
+    """Say how well stated probabilities (n,) agree with what was right (n,), and how many of the surest were wrong."""
+    if not np.isfinite(stated).all():
+        return ""
+    bins = np.minimum((10 * stated).astype(int), 9)
+    apart = np.bincount(bins, stated, 10) - np.bincount(bins, right.astype(float), 10)
+    surest = np.argsort(-stated)[: round(0.8 * len(stated))]
+    return (
+        f", stated {stated.mean():.3f}, calibration error {np.abs(apart).sum() / len(stated):.3f}, "
+        f"wrong among the surest 80 % {1 - right[surest].mean():.3f}"
+    )
 
 
 def splits(kind, labels, groups, sources, seed):
@@ -142,19 +155,20 @@ def main():
     sources = np.array([str(item.extra["source"]) for item in items])
     backbone = open_backbone(asked.backbone) if asked.backbone else None
     train = svm if asked.method == "svm" else partial(package, backbone=backbone)
-    truths, units, answers = [], [], {name: [] for name in CONDITIONS}
+    truths, units, answers, stated = [], [], {name: [] for name in CONDITIONS}, {name: [] for name in CONDITIONS}
     foreign, start = [], time.perf_counter()
     for inside, test in splits(asked.split, labels, groups, sources, asked.seed):
         named = train([images[i] for i in inside], labels[inside], groups[inside])
         strange = ~np.isin(labels[test], labels[inside])
         if strange.any():
-            foreign += list(named([images[i] for i in test[strange]]))
+            foreign += list(named([images[i] for i in test[strange]])[0])
         test = test[~strange]
         truths += list(labels[test])
         units += list(groups[test])
         rng = np.random.default_rng(0)
         for name, change in CONDITIONS.items():
-            answers[name] += list(named([change(images[i], rng) for i in test]))
+            for part, found in zip((answers, stated), named([change(images[i], rng) for i in test]), strict=True):
+                part[name] += list(found)
     names = [*sorted(set(labels)), "unknown"]
     truth, unit = np.array([names.index(name) for name in truths]), np.unique(units, return_inverse=True)[1]
     method = asked.method + (" with a backbone" if asked.backbone else "")
@@ -167,6 +181,7 @@ def main():
         print(
             f"{name:24s} balanced accuracy {score['value']:.3f} ({score['low']:.3f} to {score['high']:.3f}), "
             f"unknown {unknown.mean():.2f}, right where known {np.mean((said == truth)[~unknown]):.3f}"
+            f"{calibration(np.array(stated[name])[~unknown], (said == truth)[~unknown])}"
         )
         if name == "as it is":
             table = by_unit.sum(axis=0).astype(int)

@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from bevameter.vision.augment import cut_patch, motion_blur, training_patches
+from bevameter.vision.augment import cut_patch, motion_blur, training_patches, whole_copies
+from bevameter.vision.crops import image_patches
 from bevameter.vision.features import FEATURE_NAMES, PATCH_PX, patch_features
 from bevameter.vision.quality import learn_limits, light, rated, sharpness
 
@@ -86,6 +87,14 @@ def test_cutting_works_at_any_size_and_stays_inside(shape, rng):
     image = np.full((*shape, 3), 200, dtype=np.uint8)
     for _ in range(10):
         assert cut_patch(image, rng).min() >= 199
+
+
+def test_a_photograph_of_any_shape_is_degraded_as_a_whole():
+    image = np.random.default_rng(1).integers(60, 200, (90, 150, 3), dtype=np.uint8)
+    copies = whole_copies(image, 3, np.random.default_rng(5))
+    assert [part.shape for part in copies] == [(14, PATCH_PX, PATCH_PX, 3)] * 4
+    assert np.array_equal(copies[0], image_patches(image))
+    assert not any(np.array_equal(part, copies[0]) for part in copies[1:])
 
 
 def test_training_patches_repeat_by_seed():

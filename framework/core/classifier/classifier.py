@@ -24,6 +24,7 @@ from .labelled import LabelledFile
 from .learning import LearningCurve, learning_curve
 from .mistakes import Mistake, worst_mistakes
 from .report import HeldOut, training_report
+from .together import HeldOutFold, Wholes, learn_together, raised
 from .trust import learn_trust
 
 _BATCH_ROWS = 8192
@@ -130,6 +131,7 @@ class TerrainClassifier:
         quality: np.ndarray | None = None,
         samples: Sequence[LabelledFile] = (),
         sample_of: np.ndarray | None = None,
+        wholes: Wholes | None = None,
         source: str | Path = "training data",
         notes: Sequence[str] = (),
         progress: Callable[[float], None] | None = None,
@@ -156,6 +158,9 @@ class TerrainClassifier:
             the weight of an item at each quality is learnt (`trust`).
         samples, sample_of : (n,)
             Labelled files or stretches of files, and the index of the one that each row is of: for a report's mistakes.
+        wholes
+            Things that are judged by several items each, of classes and groups of these rows, degraded copies among
+            them: how far to trust what their items say together is learnt from them.
         source
             What to name in an error.
         notes
@@ -180,7 +185,7 @@ class TerrainClassifier:
             raise InputError(source, f"no candidate {sorted(unknown)}", expected="of " + ", ".join(CANDIDATES))
         step = progress or (lambda share: None)
         rows = Rows(x, y, group, row_weights(y, group), len(classes), dict(columns or {}), gate_columns)
-        held = _outer_predictions(rows, names, rng, step)
+        held, parts = _outer_predictions(rows, names, np.asarray(groups, dtype=str)[kept], rng, step)
         fitted, chosen, losses = fit(rows, names, rng)
         step(1.0)
         rated = rated * room(held.distance)
@@ -192,6 +197,14 @@ class TerrainClassifier:
         report = training_report(rows, classes, modality, held, made, fitted, chosen, losses, dropped, notes)
         if table:
             report["trust"] = table
+        if wholes is not None:
+
+            def answer(part: Fitted, things: Wholes) -> ClassEvidence:
+                one = TerrainClassifier(modality, classes, tuple(feature_names), {}, {}, replace(part, trust=trust))
+                return one.pool(one.evidence(things.features, things.quality), things.unit, len(things.labels))
+
+            together, report["together"] = learn_together(wholes, classes, parts, answer)
+            fitted = replace(fitted, together=together)
         model = TerrainClassifier(modality, classes, tuple(feature_names), dict(settings), report, fitted)
         object.__setattr__(model, "version", content_digest(model))
         owner = np.arange(len(labels)) if sample_of is None else sample_of
@@ -279,7 +292,8 @@ class TerrainClassifier:
         ClassEvidence
             One item for each unit: known items are joined by quality, with the correlation within groups that
             was learnt on held-out groups; quality is their mean, over all items of the unit, and the reasons are
-            the union. A unit is unknown where more of its items are unknown than known.
+            the union. Where it was learnt how far to trust what items say together (`together`), by their quality,
+            probabilities are raised to that. A unit is unknown where more of its items are unknown than known.
         """
         unit = np.asarray(unit, dtype=int)
         u = int(unit.max(initial=-1)) + 1 if n_units is None else n_units
@@ -288,6 +302,8 @@ class TerrainClassifier:
         count = np.bincount(unit, minlength=u)
         unknown = 2 * np.bincount(unit, ~evidence.unknown, u) < np.maximum(count, 1)
         quality = np.where(unknown, 0.0, np.bincount(unit, weight, u) / np.maximum(count, 1))
+        if self.fitted.together is not None:
+            probabilities = raised(probabilities, self.fitted.together.at(quality))
         probabilities[unknown] = 1.0 / len(self.classes)
         said: list[dict[str, None]] = [{} for _ in range(u)]
         for index, reasons in zip(unit, evidence.reasons, strict=True):
@@ -343,9 +359,14 @@ def _checked(features, labels, groups, feature_names, source):
     return x[finite], y, group, finite, tuple(str(name) for name in classes)
 
 
-def _outer_predictions(rows: Rows, names: Sequence[str], rng: np.random.Generator, step) -> HeldOut:
-    """Predict each group by a model whose every choice was made without it."""
-    n = len(rows.y)
+def _outer_predictions(
+    rows: Rows, names: Sequence[str], groups: np.ndarray, rng: np.random.Generator, step
+) -> tuple[HeldOut, list[HeldOutFold]]:
+    """Predict each group by a model whose every choice was made without it; give these models, too.
+
+    `groups` (n,) are the names of the rows' groups.
+    """
+    n, parts = len(rows.y), []
     held = HeldOut(np.zeros((n, rows.n_classes)), np.ones(n), np.zeros(n, dtype=bool), np.zeros(n), np.full(n, -1))
     splits = folds(rows, rng)
     for index, (train, test) in enumerate(splits):
@@ -357,5 +378,6 @@ def _outer_predictions(rows: Rows, names: Sequence[str], rng: np.random.Generato
         held.distance[test] = fitted.gate.distance(z) / fitted.threshold
         held.fold[test] = index
         held.scored[test] = np.isin(rows.y[test], part.y)
+        parts.append(HeldOutFold(fitted, np.unique(groups[test])))
         step((index + 1) / (len(splits) + 1))
-    return held
+    return held, parts

@@ -75,7 +75,8 @@ class Fitted:
 
     Each member has its own temperature, so that none shouts the others down, and sees its own columns, from the first
     to before the last of `member_columns`; `temperature` is for their mean. `trust` gives the weight of an item by its
-    quality; without it that is the quality itself.
+    quality; without it that is the quality itself. `together` gives the exponent of what the items of one thing say
+    together, by its quality; without it that is 1.
     """
 
     mean: np.ndarray
@@ -89,6 +90,7 @@ class Fitted:
     threshold: float
     correlation: float
     trust: Trust | None = None
+    together: Trust | None = None
 
     def standardise(self, features: np.ndarray) -> np.ndarray:
         """Give features (n, d) as standard scores, limited to where arithmetic stays finite."""

@@ -44,9 +44,13 @@ def report_html(
         f"<p>{report['n']} items ({report['n_degraded']} of them degraded copies), {report['groups']} groups, "
         f"{len(classes)} classes. {escape(report['split'])}</p>{warnings}"
         f"{_held_out(report)}{_learning(learning)}{_mistakes(mistakes, excerpt)}{_trust(report.get('trust', []))}"
+        f"{_together(report.get('together', {}))}"
         f"<h2>Material</h2>{table(['class', 'items', 'groups'], counts)}{_model(report)}"
     )
     return page(f"Bevameter: {report['modality']}", body)
+
+
+_ERRORS = ("calibration_error_without", "calibration_error")
 
 
 def _verdict(report: dict) -> str:
@@ -208,17 +212,37 @@ def _name(sample: LabelledFile) -> str:
     return f"{sample.file.parent.name}/{sample.file.name}{stretch}"
 
 
-def _trust(rows: Sequence[dict]) -> str:
-    if not rows:
+def _together(learnt: dict) -> str:
+    if not learnt:
         return ""
+    names = {"as_it_came": "as they came", "degraded": "degraded as a whole"}
+    rows = [
+        [name, str(part["n"]), *(f"{part[each]:.3f}" for each in ("was_right", *_ERRORS))]
+        for key, name in names.items()
+        if (part := learnt.get(key))
+    ]
+    return (
+        "<h2>All items of one thing together</h2><p>How often that is right, and how far what is stated is from it: "
+        "without, and with, an exponent by quality that was learnt on other groups.</p>"
+        f"{table(['', 'n', 'right', 'calibration error without', 'with'], rows)}{_curve(learnt['table'], 'exponent')}"
+    )
+
+
+def _curve(rows: Sequence[dict], weight: str) -> str:
     cells = [
         [f"{row[key]:.2f}" for key in ("quality", "said", "was_right", "weight")] + [str(row["n"]), str(row["groups"])]
         for row in rows
     ]
+    return table(["quality", "stated", "right", weight, "n", "groups"], cells, ())
+
+
+def _trust(rows: Sequence[dict]) -> str:
+    if not rows:
+        return ""
     return (
         "<h2>Trust by quality</h2><p>How often the top class was right where the image or sound was of a quality, and "
         "the weight that such evidence has in the fusion.</p>"
-        f"{table(['quality', 'stated', 'right', 'weight', 'n', 'groups'], cells, ())}"
+        f"{_curve(rows, 'weight')}"
     )
 
 

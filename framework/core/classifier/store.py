@@ -76,6 +76,7 @@ class Metadata(BaseModel):
     threshold: Annotated[float, Field(gt=0, lt=1e6)]
     correlation: Annotated[float, Field(ge=0, le=1)]
     trust: dict[str, list[float]] | None = None
+    together: dict[str, list[float]] | None = None
 
 
 def checked_metadata(meta: dict, path: Path) -> Metadata:
@@ -117,7 +118,8 @@ def _metadata(model: TerrainClassifier) -> str:
             "threshold": model.fitted.threshold,
             "correlation": model.fitted.correlation,
             "trust": None if model.fitted.trust is None else asdict(model.fitted.trust),
-        },
+        }
+        | ({} if model.fitted.together is None else {"together": asdict(model.fitted.together)}),
         sort_keys=True,
         allow_nan=False,
     )
@@ -279,7 +281,8 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
         meta.temperature,
         meta.threshold,
         meta.correlation,
-        _trust(meta.trust, path),
+        _trust(meta.trust, path, "trust"),
+        _trust(meta.together, path, "together"),
     )
     probe = fitted.probabilities(np.zeros((1, d)))
     if probe.shape != (1, k) or not np.isfinite(probe).all():
@@ -296,7 +299,7 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
     )
 
 
-def _trust(stored: dict[str, list[float]] | None, path: Path) -> Trust | None:
+def _trust(stored: dict[str, list[float]] | None, path: Path, key: str) -> Trust | None:
     """The weights by quality; None in files of before there were any."""
     if stored is None:
         return None
@@ -305,7 +308,7 @@ def _trust(stored: dict[str, list[float]] | None, path: Path) -> Trust | None:
         return Trust(points.pop("quality"), points.pop("weight"), tuple(int(n) for n in points.pop("groups")), **points)
     except (KeyError, TypeError, ValueError) as error:
         problem = f"damaged: {error}"
-        raise InputError(path, problem, expected="a model that `bevameter train` wrote", place="key trust") from None
+        raise InputError(path, problem, expected="a model that `bevameter train` wrote", place=f"key {key}") from None
 
 
 def _check_member(member: Any, k: int, d: int) -> None:

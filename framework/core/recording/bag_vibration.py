@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from .bag_messages import number
-from .clock import interpolate
 from .topic_map import VibrationTopic
 from .types import VibrationRun, WheelTable
-from .vibration import MAX_RUN_S, SAMPLE_RATE_HZ, on_clock
+from .vibration import MAX_RUN_S, SAMPLE_RATE_HZ, of_wheels, on_clock
 
 NAMES = ("wx", "wy", "wz", "ax", "ay", "az")
 """Channels: rates of turning [rad/s] and accelerations [m/s^2] along the sensor's axes."""
@@ -24,9 +23,6 @@ LEAST_RATE_HZ = 20.0
 
 _CLOCK = 0.95
 """Share of the least rate from which on a sensor nominally has it: 20 Hz may be 19.97 [-]."""
-
-_OF_WHEELS = {"current_A": "current", "wheel_speed_rad_s": "speed"}
-_GAP_S = 0.5
 
 
 def shaken(content: Any) -> tuple[float, ...]:
@@ -73,19 +69,4 @@ def vibration_of(
         ]
     clock = time_s[0] + np.arange(int((time_s[-1] - time_s[0]) * SAMPLE_RATE_HZ + 1e-6) + 1) / SAMPLE_RATE_HZ
     channels = np.column_stack([on_clock(time_s, each, clock, rate, 5.0 / rate) for each in values.T])
-    names, of_wheels = _of_wheels(wheel, clock)
-    return VibrationRun(clock, NAMES, channels, names, of_wheels, SAMPLE_RATE_HZ, path), []
-
-
-def _of_wheels(wheel: WheelTable | None, clock: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of the wheels' channels, and these on the clock, (n, w)."""
-    found: dict[str, np.ndarray] = {}
-    for column, short in _OF_WHEELS.items():
-        if wheel is None or column not in wheel or "time_s" not in wheel:
-            continue
-        for name in [None] if wheel.wheel is None else sorted(set(wheel.wheel.tolist())):
-            own = wheel if name is None else wheel.select(wheel.wheel == name)
-            values = interpolate(own["time_s"], own[column], clock, _GAP_S)
-            if np.isfinite(values).any():
-                found[short if name is None else f"{short}_{name}"] = values
-    return tuple(found), np.column_stack([*found.values()]) if found else np.empty((len(clock), 0))
+    return VibrationRun(clock, NAMES, channels, *of_wheels(wheel, clock), SAMPLE_RATE_HZ, path), []

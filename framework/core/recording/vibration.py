@@ -15,7 +15,7 @@ from scipy.signal import resample_poly
 from ..errors import InputError
 from .clock import interpolate
 from .tables import Table, read_table
-from .types import VibrationRun
+from .types import VibrationRun, WheelTable
 
 SAMPLE_RATE_HZ = 100.0
 """The clock that every vibration run is brought onto [Hz]."""
@@ -24,6 +24,8 @@ MAX_RUN_S = 24 * 3600.0
 """No run is longer than this: a stray time stamp would ask for memory without end [s]."""
 
 _GAP_SAMPLES = 5.0
+_WHEEL_GAP_S = 0.5
+_OF_WHEELS = {"current_A": "current", "wheel_speed_rad_s": "speed"}
 _TIME = ("time_s", "time")
 
 
@@ -107,6 +109,20 @@ def on_clock(time: np.ndarray, values: np.ndarray, clock: np.ndarray, rate: floa
     thin_clock = time[0] + np.arange(len(thin)) / SAMPLE_RATE_HZ
     answer = interpolate(thin_clock, thin, clock, 2.5 / SAMPLE_RATE_HZ)
     return np.where(np.isnan(interpolate(time, values, clock, gap)), np.nan, answer)
+
+
+def of_wheels(wheel: WheelTable | None, clock: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Give current and speed of each wheel of a table, ``current_NAME`` and ``speed_NAME``: names, and (n, w)."""
+    found: dict[str, np.ndarray] = {}
+    for column, short in _OF_WHEELS.items():
+        if wheel is None or column not in wheel or "time_s" not in wheel:
+            continue
+        for name in [None] if wheel.wheel is None else sorted(set(wheel.wheel.tolist())):
+            own = wheel if name is None else wheel.select(wheel.wheel == name)
+            values = interpolate(own["time_s"], own[column], clock, _WHEEL_GAP_S)
+            if np.isfinite(values).any():
+                found[short if name is None else f"{short}_{name}"] = values
+    return tuple(found), np.column_stack([*found.values()]) if found else np.empty((len(clock), 0))
 
 
 def _read_wheel(path: Path, clock: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, list[str]]:

@@ -30,7 +30,7 @@ from ..sound import SoundFileStream
 from ..table_contents import inspect_table
 from ..types import Recording
 from ..vehicle_text import vehicle_text
-from ..vibration import read_vibration_run
+from ..vibration import of_wheels, read_vibration_run
 from ..wheel_file import derive_all, read_wheel
 from .bag import BagReader
 
@@ -171,6 +171,9 @@ class FolderReader(Reader):
             named = about.vibration.wheel_file if about.vibration else None
             drives = named and inside(path, named, path / "recording.toml", "key vibration.wheel_file")
             vibration = read_vibration_run(found["vibration"], drives)
+            if not drives:
+                names, values = of_wheels(wheel, vibration.time_s)
+                vibration = replace(vibration, wheel_names=names, wheel=values)
             problems += vibration.problems
             digest.add_vibration(vibration)
         labels = read_labels(found["labels"]) if "labels" in found else None
