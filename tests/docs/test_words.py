@@ -18,7 +18,7 @@ PRIVATE = {
     "restless", "room", "rooms", "standing", "tells", "told",
 }  # fmt: skip
 """Words with a meaning of the project's own, where the field has another."""
-STILL_LONG = {"live.md": 1, "models.md": 20}
+STILL_LONG = {"live.md": 1}
 """Pages that are not mended yet, and how many of their sentences are too long."""
 
 
