@@ -27,7 +27,7 @@ from ..core.vehicle import Vehicle
 from ..default_models import Models
 from ..engine import Processed, begin, conclude
 from ..observing import begin_observing, observe
-from ..placement import Claim, Frames, moved
+from ..placement import Claim, Frames, Placement, moved
 from ..sense_map import SenseRecord
 from ..senses import sense_named
 from ..summary import TraverseSummary
@@ -43,13 +43,25 @@ from .streams import SOURCE
 _LOADING_S = 60.0
 """A sense is waited for no longer when a drive begins [s]."""
 
+_NAMED = ("name", "digest", "frame", "shared_speed")
+"""What a drive that is resumed has of the one that was cut off."""
+
 _SOMEWHERE = Pose(*np.zeros((4, 1)))
 """Stands for places that will come."""
 
 
-def new_drive(name: str, vehicle: Vehicle, start_time: datetime | None, site: str) -> Recording:
+def new_drive(
+    name: str, vehicle: Vehicle, start_time: datetime | None, site: str, *, shared_speed: bool = False
+) -> Recording:
     """Give the recording that a drive will make, before anything came."""
-    return Recording(name, SOURCE, vehicle, start_time, site, secrets.token_hex(32), pose=_SOMEWHERE)
+    digest = secrets.token_hex(32)
+    return Recording(name, SOURCE, vehicle, start_time, site, digest, pose=_SOMEWHERE, shared_speed=shared_speed)
+
+
+def drive_like(recording: Recording) -> Recording:
+    """Give the recording that a drive will make, of which another one says all but the samples."""
+    nothing = dict.fromkeys(("wheel", "labels", "camera", "sound", "vibration"))
+    return replace(recording, **nothing, digest=secrets.token_hex(32), pose=_SOMEWHERE)
 
 
 class LiveDrive:
@@ -140,7 +152,7 @@ class LiveDrive:
     def _state(self) -> dict[str, Any]:
         own = self._recording
         start = None if own.start_time is None else own.start_time.isoformat()
-        named = {"name": own.name, "digest": own.digest}
+        named = {name: getattr(own, name) for name in _NAMED}
         return {"drive": {"named": named, "key": self._key(own)}, "start_time": start}
 
     def _restore(self, state: Mapping[str, Any]) -> None:
@@ -236,7 +248,7 @@ class LiveDrive:
     def _concluded(self, digest: str | None) -> Processed:
         begun = begin(
             self._made(digest), self._conditions, lambda senses, synthetic: self._models.of(senses),
-            lambda claim: self._placement,
+            self._placed,
         )  # fmt: skip
         done = dict[str, SenseRecord]()
         if begun.track is not None:
@@ -248,6 +260,10 @@ class LiveDrive:
         records = observe(begun.recording, begun.track, rest, begun.cell_size_m)
         said = tuple(_said(done.get(record.name, record), begun.recording) for record in records)
         return conclude(begun, said, self._began, lambda stage, share: None)
+
+    def _placed(self, claim: Claim) -> Placement:
+        """Place the drive as when it began; at a site of its own by its digest, if there is another one by now."""
+        return Frames(self._conditions.frames).place(claim) if self._placement.apart else self._placement
 
     def _made(self, digest: str | None) -> Recording:
         """Give the recording that the samples made."""
@@ -264,7 +280,7 @@ class LiveDrive:
         return replace(
             self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=pose, vibration=vibration,
             camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
-            problems=(*problems, *self._of_samples()),
+            problems=(*self._recording.problems, *problems, *self._of_samples()),
         )  # fmt: skip
 
 

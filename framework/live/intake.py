@@ -49,7 +49,8 @@ class Intake:
     def __init__(self, horizon_s: float, lossless: bool, offset: Offset | None):
         self.changed = threading.Condition(threading.RLock())
         self.track, self.log = LiveTrack(), Log()
-        self.camera, self.sound = LiveCamera(self.changed, self.track), LiveSound(self.changed, self.track)
+        self.camera = LiveCamera(self.changed, self.track, lossless=lossless)
+        self.sound = LiveSound(self.changed, self.track, lossless=lossless)
         self._clock = DriveClock()
         self.has_ended = False
         self.follow_wheel: Callable[[float, WheelRow], None] | None = None
@@ -60,9 +61,9 @@ class Intake:
 
     def put(self, stream: str, time_s: float, sample: Any) -> None:
         """Take in a sample, and give on what no earlier one is waited for any more; raises `InputError` at the end."""
-        is_full = {IMAGE: self.camera.is_full, SOUND: self.sound.is_full}.get(stream)
         with self.changed:
-            while self._lossless and is_full is not None and is_full() and not self.has_ended:
+            # Whatever comes may let images and sound go on that wait for earlier samples.
+            while self._lossless and (self.camera.is_full() or self.sound.is_full()) and not self.has_ended:
                 self.changed.wait()
             if self.has_ended:
                 raise InputError("LiveTraverse", "a sample after the drive was closed", expected="a new one")

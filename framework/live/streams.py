@@ -39,11 +39,11 @@ class _Waiting:
     is_waited_for
         Set once the sense has loaded what it needs, or has failed.
     count, dropped
-        How much came, and how much of it was dropped.
+        How much came, and how much of it was dropped: nothing of a `lossless` stream, whose callers wait.
     """
 
-    def __init__(self, changed: threading.Condition, track: LiveTrack):
-        self._changed, self._track = changed, track
+    def __init__(self, changed: threading.Condition, track: LiveTrack, *, lossless: bool = False):
+        self._changed, self._track, self._lossless = changed, track, lossless
         self._items: deque[tuple[float, Frame | SoundBlock]] = deque()
         self.is_used = False
         self.is_waited_for = threading.Event()
@@ -113,12 +113,12 @@ class LiveCamera(_Waiting):
         if not self.is_used:
             return
         self.add(frame.time_s, frame)
-        while len(self._items) > MOST_WAITING or self.ready() > MOST_IMAGES:
+        while not self._lossless and (len(self._items) > MOST_WAITING or self.ready() > MOST_IMAGES):
             self.drop_first()
 
     def is_full(self) -> bool:
-        """Say whether another image would make one be dropped."""
-        return self.ready() >= MOST_IMAGES or len(self._items) >= MOST_WAITING
+        """Say whether as many images wait for their sense as may."""
+        return self.ready() >= MOST_IMAGES
 
     def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
         """Yield images as they come, those that are wanted where the vehicle is known to have been then."""
@@ -134,8 +134,8 @@ class LiveSound(_Waiting):
     another rate, a new run begins, and what does not fill a block is left out, as at the end of a file.
     """
 
-    def __init__(self, changed: threading.Condition, track: LiveTrack):
-        super().__init__(changed, track)
+    def __init__(self, changed: threading.Condition, track: LiveTrack, *, lossless: bool = False):
+        super().__init__(changed, track, lossless=lossless)
         self.rate: int | None = None
         self._base_s, self._given, self._held = 0.0, 0, np.empty((0, 1), np.float32)
         self.samples = 0
@@ -199,11 +199,11 @@ class LiveSound(_Waiting):
             until_s = start_s + size / self.rate
             self.add(until_s, SoundBlock(start_s, block.samples, block.problem, block.channels, urgent=True))
             self._given, self._held = self._given + hop, self._held[hop:]
-        while len(self._items) * hop > MOST_SOUND_S * self.rate:
+        while not self._lossless and len(self._items) * hop > MOST_SOUND_S * self.rate:
             self.drop_first()
 
     def is_full(self) -> bool:
-        """Say whether more sound would make some be dropped."""
+        """Say whether as much sound waits for its sense as may."""
         return self._block is not None and self.ready() * self._block[1] > 0.5 * MOST_SOUND_S * (self.rate or 1)
 
     def blocks(self, block_s: float, hop_s: float) -> Iterator[SoundBlock]:

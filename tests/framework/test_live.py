@@ -23,6 +23,7 @@ from bevameter.framework.live.track import LiveTrack
 from bevameter.vision.sense import Vision
 from forked import forked, heard
 from live_drive import drive_on, out_of_order, replay, samples, streams
+from live_drives import assert_same
 
 
 @pytest.fixture(scope="module")
@@ -95,26 +96,6 @@ def driven(recording, small_models, tmp_path_factory):
 @pytest.fixture(scope="module")
 def replayed(driven):
     return driven[:2]
-
-
-def assert_same(one, other):
-    """All that two drives observed, but for the rounding of sums."""
-    assert len(one.terrain) == len(other.terrain)
-    rows = [np.lexsort((each.terrain.cell_y, each.terrain.cell_x)) for each in (one, other)]
-    for name in ("cell_x", "cell_y", "time_s"):
-        a, b = (getattr(each.terrain, name)[row] for each, row in zip((one, other), rows, strict=True))
-        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
-    for name in ("probabilities", "quality", "unknown"):
-        a, b = (getattr(each.terrain.evidence, name)[row] for each, row in zip((one, other), rows, strict=True))
-        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
-    assert len(one.soils) == len(other.soils)
-    for a, b in zip(one.soils, other.soils, strict=True):
-        assert (a.start_s, a.end_s, a.gate_reason) == (b.start_s, b.end_s, b.gate_reason)
-        assert a.class_probabilities == pytest.approx(b.class_probabilities, abs=1e-9)
-        assert (a.estimate is None) == (b.estimate is None)
-        if a.estimate is not None:
-            np.testing.assert_allclose(a.estimate.mean_c_tan_phi, b.estimate.mean_c_tan_phi, rtol=1e-9)
-            np.testing.assert_allclose(a.estimate.covariance_c_tan_phi, b.estimate.covariance_c_tan_phi, rtol=1e-9)
 
 
 def test_a_replay_gives_the_observations_of_a_run(stored, replayed):

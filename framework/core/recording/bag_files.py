@@ -39,6 +39,9 @@ MAX_CHUNK_BYTES = 512 * 2**20
 MAX_STORAGE_BYTES = 2**40
 """No storage file is unpacked beyond this [bytes]."""
 
+MCAP_REPAIR = "mcap recover"
+"""What repairs an MCAP file."""
+
 Span = tuple[int, int]
 """A stretch of time by the recorder's clock: from when, and before when [ns]."""
 
@@ -310,7 +313,7 @@ def _mcap_topic(channel: mcap.records.Channel, schema: mcap.records.Schema | Non
 
 _KINDS = {
     b"#ROSBAG V2.0": (_read_ros1, "rosbag reindex"),
-    b"\x89MCAP": (_read_mcap, "mcap recover"),
+    b"\x89MCAP": (_read_mcap, MCAP_REPAIR),
     b"SQLite format 3": (_read_sqlite, "sqlite3 FILE .recover"),
 }
 """How files begin, what reads them, and what repairs them."""

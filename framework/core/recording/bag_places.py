@@ -95,6 +95,11 @@ class Fixes:
             self.latitude_deg.append(latitude)
             self.longitude_deg.append(longitude)
 
+    def clear(self) -> None:
+        """Forget those that were added."""
+        for each in (self.time_ns, self.latitude_deg, self.longitude_deg):
+            each.clear()
+
     def time_s(self, origin_ns: int) -> np.ndarray:
         """Times (m,) on the recording's clock [s]."""
         return (np.array(self.time_ns, dtype=np.int64) - origin_ns) * 1e-9

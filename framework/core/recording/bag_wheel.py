@@ -66,6 +66,33 @@ class WheelChannels:
     def __len__(self) -> int:
         return len(self._time_ns)
 
+    @property
+    def last_ns(self) -> int:
+        """Time of the newest message [ns]; far back where there is none."""
+        return max(self._time_ns, default=-(2**62))
+
+    def forget_before(self, time_ns: float) -> None:
+        """Forget the messages before a time [ns], but for the last one of these; all where it is infinite."""
+        times = np.array(self._time_ns, dtype=np.int64)
+        before = np.flatnonzero(times < time_ns)
+        kept = times >= time_ns
+        if len(before) and math.isfinite(time_ns):
+            kept[before[np.argmax(times[before])]] = True
+        if kept.all():
+            return
+        self._time_ns = array("q", times[kept].tobytes())
+        self._values = {column: array("d", np.array(data)[kept].tobytes()) for column, data in self._values.items()}
+
+    def held_until(self, time_ns: int) -> WheelChannels:
+        """Give them with their last values once more at a later time [ns], up to which no other message came."""
+        if not len(self) or self.last_ns >= time_ns:
+            return self
+        last = int(np.argmax(np.array(self._time_ns)))
+        made = WheelChannels(self.source)
+        made._time_ns = array("q", [*self._time_ns, time_ns])
+        made._values = {column: array("d", [*data, data[last]]) for column, data in self._values.items()}
+        return made
+
     def turn_load_up(self) -> bool:
         """Turn the load's sign where it is negative on the whole, as with a sensor whose axis points up; say if so."""
         load = np.array(self._values["load_N"], dtype=float)
