@@ -191,7 +191,8 @@ class LiveDrive:
         classes = tuple(sorted({name for model in used for name in model.classes}))
         given = self._database
         with nullcontext(given) if isinstance(given, TerrainDatabase) else TerrainDatabase(given) as opened:
-            return Now(self.intake, self._observing, own.vehicle, opened, drive, classes)
+            made, physics = replace(own, site=placed.site), self._conditions.physics
+            return Now(self.intake, self._observing, own.vehicle, opened, drive, classes, made, physics)
 
     @property
     def problems(self) -> tuple[str, ...]:

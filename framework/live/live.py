@@ -321,7 +321,8 @@ class LiveTraverse:
     def snapshot(self) -> Snapshot:
         """Give the planner's view of the site: what was stored when the drive began, and what it has seen by now.
 
-        Soils are those that were stored. A cell is as it was believed to be when it was last seen.
+        Soils are those that were stored, and those of the drive's stretches that are complete: where the ground has
+        changed, or after 50 s. A cell is as it was believed to be when it was last seen.
         """
         return self._drive.now.snapshot()
 
