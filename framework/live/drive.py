@@ -6,10 +6,11 @@ import math
 import secrets
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,10 @@ from ..core.track.way import track_of
 from ..core.vehicle import Vehicle
 from ..default_models import Models
 from ..engine import Processed, begin, conclude
-from ..observing import begin_observing, observe
+from ..observing import begin_sense, observe
 from ..placement import Claim, Frames, Placement, moved
 from ..sense_map import SenseRecord
-from ..senses import sense_named
+from ..senses import sense_named, senses
 from ..summary import TraverseSummary
 from ..traverse import store
 from .checkpoints import Checkpoints
@@ -38,7 +39,8 @@ from .journal import Journal, place_of_journal, unfinished
 from .log import IMU, POSE, WHEEL, Taken, pose_of, vibration_of_imu, wheel_of
 from .now import Now
 from .observing import Observing, faults
-from .streams import SOURCE
+from .pieces import LivePieces, observed_in_pieces
+from .streams import SOURCE, Waiting
 
 _LOADING_S = 60.0
 """A sense is waited for no longer when a drive begins [s]."""
@@ -114,9 +116,9 @@ class LiveDrive:
         )
         for each in self._observing.values():
             each.begin()
-        for stream in (self.intake.camera, self.intake.sound):
-            if stream.is_used:  # the first images would wait while the sense is loaded, and be dropped
-                stream.is_waited_for.wait(_LOADING_S)
+        for name, (camera, _) in self.intake.of_senses.items():
+            # The first images would wait while the sense is loaded, and be dropped.
+            self._observing[name].wait_for(camera.is_waited_for, _LOADING_S)
         self._checkpoints.begin()
 
     def started(self, time_s: float) -> None:
@@ -167,17 +169,26 @@ class LiveDrive:
             each.restore(parts(f"seen {name}"), parts(f"heard {name}"), state.get(name, {}), place)
 
     def _senses_at_work(self) -> dict[str, Observing]:
-        """Give the senses that observe streams; the others observe the whole drive when it is closed."""
-        jobs = begin_observing(
-            self._recording, self.intake.track, self._models.classifiers, self._conditions.cell_size_m
-        )
-        streams = {"vision": self.intake.camera, "audio": self.intake.sound}
+        """Give the senses that observe while driving: streams as they come, tables piece by piece."""
+        models, size, intake = self._models.classifiers, self._conditions.cell_size_m, self.intake
         at_work = {}
-        for record, given in jobs:
-            if given is not None and record.name in streams:
-                stream = streams[record.name]
-                stream.is_used = True
-                at_work[record.name] = Observing(record, given, stream.unused)
+        for sense in senses():
+            if sense.name not in models:
+                continue
+            camera, sound = intake.streams_for_sense()
+            own = replace(self._recording, camera=camera, sound=sound)
+            record, given = begin_sense(sense, own, intake.track, models, size)
+            if given is not None:
+                intake.of_senses[sense.name] = camera, sound
+                at_work[sense.name] = Observing(record, given, partial(_unused, (camera, sound)))
+                continue
+            pieces = LivePieces(intake.changed, intake.track)
+            pieces.is_used = True
+            intake.pieces.append(pieces)
+            parts = pieces.recordings(self._recording, lambda piece: moved(piece, self._placement))
+            record = replace(record, absent="")
+            observed = observed_in_pieces(sense, parts, intake.track, models[sense.name], size)
+            at_work[sense.name] = Observing(record, observed, pieces.unused, is_provisional=True)
         return at_work
 
     def _begin_now(self) -> Now:
@@ -256,6 +267,7 @@ class LiveDrive:
             done = {
                 name: each.concluded(begun.recording, begun.track, begun.cell_size_m)
                 for name, each in self._observing.items()
+                if not each.is_provisional
             }
         rest = {name: each for name, each in begun.models.classifiers.items() if name not in done}
         records = observe(begun.recording, begun.track, rest, begun.cell_size_m)
@@ -283,6 +295,11 @@ class LiveDrive:
             camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
             problems=(*self._recording.problems, *problems, *self._of_samples()),
         )  # fmt: skip
+
+
+def _unused(streams: Sequence[Waiting]) -> None:
+    for each in streams:
+        each.unused()
 
 
 def _said(record: SenseRecord, recording: Recording) -> SenseRecord:

@@ -19,7 +19,7 @@ from ..fusion import Belief
 from .events import SoilDeparts, Trouble
 from .ground import GroundByNow, UnderWheels, WayByNow
 from .intake import IMAGE, SOUND, Intake
-from .log import WheelRow
+from .log import IMU, WheelRow
 from .observing import Observing
 from .site import SiteByNow
 from .soil import SoilByNow, SoilWatch
@@ -29,7 +29,7 @@ from .watch import Subscriber, Watch
 SILENT_S = 1.0
 """A sensor of which nothing came for so long is taken for lost [s]."""
 
-_STREAMS = {"vision": IMAGE, "audio": SOUND}
+_STREAMS = {"vision": IMAGE, "audio": SOUND, "vibration": IMU}
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,11 @@ class Now:
 
     def trust(self) -> dict[str, Trust]:
         """Say how far each sense is trusted, by its name."""
-        return {name: self._trust(name, each) for name, each in self._observing.items()}
+        return {
+            name: self._trust(name, each)
+            for name, each in self._observing.items()
+            if each.last is not None or each.fault or not each.is_provisional
+        }
 
     def _trust(self, name: str, each: Observing) -> Trust:
         sense, last = each.record.sense, each.last

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -19,6 +20,8 @@ from ..core.track.way import Track
 from ..sense_map import SenseMap, SenseRecord
 from ..senses import Observation
 from .log import Part
+
+_POLL_S = 0.05
 
 _MOST_UNSAVED = 100
 """Observations that wait for one that is open, at most."""
@@ -42,6 +45,8 @@ class Observing:
         What the sense observes as the drive goes on; ends with the drive.
     failed
         Called where it raises.
+    is_provisional
+        Whether the whole drive is observed again when it is closed.
 
     Attributes
     ----------
@@ -51,8 +56,12 @@ class Observing:
         Why the sense observes no more; empty where it does.
     """
 
-    def __init__(self, record: SenseRecord, observations: Iterator[Observation], failed: Callable[[], None]):
+    def __init__(
+        self, record: SenseRecord, observations: Iterator[Observation], failed: Callable[[], None], *,
+        is_provisional: bool = False,
+    ):  # fmt: skip
         self.record, self._observations, self._failed = record, observations, failed
+        self.is_provisional = is_provisional
         self.last: Observation | None = None
         self.fault = ""
         self._windows: list[Observation] = []
@@ -67,6 +76,12 @@ class Observing:
     def begin(self) -> None:
         """Begin to observe."""
         self._thread.start()
+
+    def wait_for(self, loaded: threading.Event, most_s: float) -> None:
+        """Wait until the sense has loaded what it needs, or has ended, but no longer than a time [s]."""
+        until_s = time.monotonic() + most_s
+        while not loaded.wait(_POLL_S) and self._thread.is_alive() and time.monotonic() < until_s:
+            pass
 
     def end(self) -> None:
         """Wait until all that came was observed."""

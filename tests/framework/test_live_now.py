@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bevameter import ClassEvidence, TerrainDatabase
+from bevameter.audio.vibration_sense import Vibration
 from bevameter.database.posterior import class_soils
+from bevameter.framework.default_models import Models
 from bevameter.framework.live.events import GroundChanged
 from bevameter.framework.live.log import WheelRow
 from bevameter.framework.live.soil import SoilWatch
+from bevameter.framework.senses import SENSES, Observation, Sense
+from live_drives import begun
 
 
 def test_changes_of_the_ground_are_told_where_they_are(driven):
@@ -87,3 +94,66 @@ def test_a_soil_that_is_not_that_of_its_class_is_told(live_recording, stored_dri
     if departs:
         assert told[0].strength_share == pytest.approx(1.0 / share, abs=0.15)
     assert watch.now.n > 40
+
+
+def test_vibration_and_senses_of_others_observe_on_the_way(live_recording, tmp_path, monkeypatch):
+    """One sense of another package sees images, beside the camera's own; vibration is heard piece by piece."""
+    seen, pieces = [], []
+
+    class Thermal(Sense):
+        name, instrument = "thermal", "thermal camera"
+
+        def train(self, labelled, rng, *, notes=()): ...
+        def classify(self, files, model): ...
+
+        def absence(self, recording):
+            return "" if recording.camera is not None else "no camera"
+
+        def observe(self, recording, track, model, cell_size_m):
+            for frame in recording.camera.frames():
+                seen.append(frame.time_s)
+                at = np.array([frame.time_s])
+                yield Observation.under_wheels(evidence("ice"), at - 0.05, at, recording, track, cell_size_m)
+
+    def observe(self, recording, track, model, cell_size_m):
+        run = recording.vibration
+        pieces.append((run.time_s[0], run.time_s[-1]))
+        yield Observation.under_wheels(evidence("loam"), run.time_s[:1], run.time_s[-1:], recording, track, cell_size_m)
+
+    monkeypatch.setitem(SENSES, "thermal", Thermal())
+    monkeypatch.setattr(Vibration, "observe", observe)
+    model = SimpleNamespace(version="1", classes=("ice", "loam"))
+    models = Models({"thermal": model, "vibration": model}, {})
+    live = begun(live_recording, models, tmp_path / "t.db")
+    image = np.zeros((48, 64, 3), np.uint8)
+    for number in range(1500):
+        time_s = 0.02 * number
+        live.pose(time_s, 0.5 * time_s, 0.0, 0.0)
+        live.imu(time_s, wx=0.0, wy=0.0, wz=0.0, ax=np.sin(40 * time_s), ay=0.0, az=9.81)
+        if number % 10 == 0:
+            live.image(time_s, image)
+    until = time.monotonic() + 10.0
+    while len(pieces) < 4 and time.monotonic() < until:
+        time.sleep(0.02)
+    trust = live.trust()
+    assert {name for name, each in trust.items() if each.is_trusted} == {"thermal", "vibration"}
+    assert {*live.snapshot().class_names} >= {"ice", "loam"}
+    assert len(pieces) == 4  # of 6.4 s, in half a minute
+    assert all(6.0 < end - start < 6.8 for start, end in pieces)
+    assert live.problems == ()
+    drive = closed(live, tmp_path / "t.db")
+    assert pieces[-1] == pytest.approx((0.0, 29.98))  # once more, as a run does
+    assert len(seen) == 150
+    assert set(drive.terrain.evidence.classes) == {"ice", "loam"}
+
+
+def evidence(name):
+    classes = ("ice", "loam")
+    probabilities = np.array([[0.9 if each == name else 0.1 for each in classes]])
+    return ClassEvidence(classes, probabilities, np.array([0.8]), np.zeros(1, bool), ((),))
+
+
+def closed(live, path):
+    live.close()
+    with TerrainDatabase(path) as database:
+        return database.drives()[0]
