@@ -262,10 +262,10 @@ class LiveDrive:
             self._made(digest), self._conditions, lambda senses, synthetic: self._models.of(senses),
             self._placed,
         )  # fmt: skip
-        done = dict[str, SenseRecord]()
+        done, parts = dict[str, SenseRecord](), self._checkpoints.parts
         if begun.track is not None:
             done = {
-                name: each.concluded(begun.recording, begun.track, begun.cell_size_m)
+                name: each.concluded(begun.recording, begun.track, begun.cell_size_m, parts(f"heard {name}"))
                 for name, each in self._observing.items()
                 if not each.is_provisional
             }

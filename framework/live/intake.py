@@ -143,13 +143,15 @@ class Intake:
         """Give the rows since the last time that this was called, to be written away, and the state."""
         with self.changed:
             passed = {stream: self._waiting[stream].passed_s for stream in (POSE, WHEEL, IMU)}
-            return self.log.cut(), {
+            log, self.log = self.log, Log()
+            state = {
                 "passed_s": {stream: time_s for stream, time_s in passed.items() if math.isfinite(time_s)},
                 "reads": {name: [each.is_used for each in streams] for name, streams in self.of_senses.items()},
                 "images": self.camera.count,
                 "sound_samples": self.sound.samples,
                 "sound_rate": self.sound.rate,
             }
+        return log.cut(), state  # made into columns while samples come on
 
     def restore(self, poses: Iterable[Columns], wheels: Iterable[Columns], state: Mapping[str, Any]) -> float:
         """Take in what another one has written away, before anything comes; give from when on samples are needed [s].
@@ -175,7 +177,8 @@ class Intake:
                     self._add_pose(*row)
         needed = []
         for stream, passed_s in state["passed_s"].items():
-            self._waiting[stream].passed_s = math.nextafter(passed_s, math.inf)
+            waiting = self._waiting[stream]
+            waiting.passed_s = waiting.taken_s = math.nextafter(passed_s, math.inf)
             needed.append(passed_s)
         froms = {name: state.get(name, {}).get("from_s", -math.inf) for name in self.of_senses}
         reads = state["reads"]

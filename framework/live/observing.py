@@ -64,7 +64,6 @@ class Observing:
         self.is_provisional = is_provisional
         self.last: Observation | None = None
         self.fault = ""
-        self._windows: list[Observation] = []
         self._touched: list[np.ndarray] = []
         self._unsaved: list[Observation] = []
         self._saved = _empty(record)
@@ -109,8 +108,6 @@ class Observing:
         if len(self._touched) > _MOST_PARTS:  # nobody takes snapshots
             self._touched = [np.unique(np.concatenate(self._touched), axis=0)]
         self._unsaved.append(observation)
-        if observation.window_s is not None:
-            self._windows.append(observation)
 
     def take_touched(self) -> np.ndarray:
         """Give the cells (m, 2) that were observed since the last time that this was called."""
@@ -173,23 +170,27 @@ class Observing:
             sums = CellSums(**{name: each[name] for name in _SUMS})
             names = (tuple(map(str, each[name].tolist())) for name in ("classes", "reason_names"))
             self.record.map.restore(sums, *names)
-        self._windows = [_observation_of(each) for each in heard]
-        if self._windows and place is not None:
-            self.record.map.add(*_looks(_under_wheels(self._windows, *place)))
+        windows = [_observation_of(each) for each in heard]
+        if windows and place is not None:
+            self.record.map.add(*_looks(_under_wheels(windows, *place)))
         self._from_s = state.get("from_s")
         for record in (self.record, self._saved):
             for name in _COUNTS:
                 value = state.get(name, 0)
                 setattr(record, name, Counter(value) if isinstance(value, dict) else value)
 
-    def concluded(self, recording: Recording, track: Track, cell_size_m: float) -> SenseRecord:
+    def concluded(
+        self, recording: Recording, track: Track, cell_size_m: float, heard: Iterable[dict[str, np.ndarray]]
+    ) -> SenseRecord:
         """Give the record of the whole drive: what was observed under the wheels lies where they are known to have
-        been in the end.
+        been in the end; `heard` is what was written away of it.
         """
-        if not self._windows:
+        windows = [_observation_of(each) for each in heard]
+        windows += [each for each in self._unsaved if each.window_s is not None]
+        if not windows:
             return self.record
         record = _empty(self.record)
-        record.add(_under_wheels(self._windows, recording, track, cell_size_m))
+        record.add(_under_wheels(windows, recording, track, cell_size_m))
         return record
 
 

@@ -38,6 +38,7 @@ def resumed(live_recording, small_models, tmp_path_factory):
     again = begun(live_recording, small_models, path, resume=live.journal)
     assert 30.0 < again.needed_s < 34.0
     replay(live_recording, again, from_s=again.needed_s)
+    assert again.problems == ()  # what was taken before, and is handed over once more, is not late
     again.close(live_recording.digest)
     assert not live.journal.exists()
     with TerrainDatabase(path) as database:
