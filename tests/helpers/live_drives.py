@@ -58,6 +58,7 @@ def wait_for_soil(live, most_s=2.0):
         if (
             soil is not None
             and ground is not None
+            and soil.waiting == 0
             and min(soil.time_s, ground.time_s) > live._drive.intake.clock_s - 4.0
         ):
             return

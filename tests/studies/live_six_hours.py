@@ -269,9 +269,13 @@ def compare(one: Path, other: Path) -> dict:
         p, q = (each.probabilities[row] for each, row in zip(evidence, rows, strict=True))
         answer["cells_of_one_class"] = int((p.argmax(axis=1) == q.argmax(axis=1)).sum())
         answer["greatest_difference_of_probability"] = float(np.abs(p - q).max())
-        answer["greatest_difference_of_time_s"] = float(
-            np.abs(a.terrain.time_s[rows[0]] - b.terrain.time_s[rows[1]]).max()
-        )
+        apart = np.abs(a.terrain.time_s[rows[0]] - b.terrain.time_s[rows[1]])
+        answer["greatest_difference_of_time_s"] = float(apart.max())
+        answer["cells_last_seen_at_another_time"] = int((apart > 1e-9).sum())
+        answer["such_times_s"] = sorted({
+            round(float(time_s), 2) for one, row in zip(found, rows, strict=True)
+            for time_s in one.terrain.time_s[row][apart > 1e-9]
+        })[:20]  # fmt: skip
     soils = [[each.estimate for each in drive.soils if each.estimate is not None] for drive in found]
     if len(soils[0]) == len(soils[1]):
         apart = [np.abs(x.mean_c_tan_phi / y.mean_c_tan_phi - 1.0).max() for x, y in zip(*soils, strict=True)]
