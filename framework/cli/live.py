@@ -29,7 +29,7 @@ def command(
     ],
     db: Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")],
     vehicle: Annotated[
-        Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the one beside the file.")
+        Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the one next to the file.")
     ] = None,
     topics: Annotated[Path | None, typer.Option("--topics", help=TOPICS)] = None,
     models: Annotated[list[str] | None, typer.Option("--models", help="As of bevameter run; may be repeated.")] = None,
