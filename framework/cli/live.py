@@ -99,9 +99,7 @@ def _follow(following: Following, live: LiveTraverse, json: Path | None) -> None
     print_summary(summary)
     if signals:
         if not following.is_whole:
-            print(
-                f"warning: stored up to {summary.duration_s:.0f} s; `run` on the whole file would add those once more"
-            )
+            print("warning: `bevameter run` on the whole file would store this part of the drive once more")
         raise typer.Exit(128 + signals[0])
 
 
