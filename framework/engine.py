@@ -127,7 +127,7 @@ def conclude(begun: Begun, records: tuple[SenseRecord, ...], began: float, repor
     recording, track, cell_size_m = begun.recording, begun.track, begun.cell_size_m
     belief = believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
-    soil = _learn_soil(recording, track, along, begun.physics, report)
+    soil = learn_known_soil(recording, track, along, begun.physics, report)
     drive = replace(begun.drive, terrain=_terrain(belief, cell_size_m, track), soils=soil.observations)
     check_storable(drive)
     seconds = time.monotonic() - began
@@ -150,9 +150,10 @@ def conclude(begun: Begun, records: tuple[SenseRecord, ...], began: float, repor
     return Processed(drive, begun.about, begun.problems, summary, seconds)
 
 
-def _learn_soil(
-    recording: Recording, track: Track | None, along: ClassTrack | None, physics: KnownPhysics, report: Progress
-) -> SoilAlong:
+def learn_known_soil(
+    recording: Recording, track: Track | None, along: ClassTrack | None, physics: KnownPhysics,
+    report: Progress | None = None,
+) -> SoilAlong:  # fmt: skip
     """Identify the soil, what is known of the physics of the classes on the track subtracted before."""
     effects, problems = {}, ()
     driven = recording.wheel is not None and "time_s" in recording.wheel and recording.vehicle is not None

@@ -13,7 +13,7 @@ from .core.classifier.classifier import TerrainClassifier
 from .core.recording.types import Recording
 from .core.track.way import Places, Track
 from .sense_map import Progress, SenseMap, SenseRecord
-from .senses import Observation, senses
+from .senses import Observation, Sense, senses
 
 _POLL_S = 0.1
 
@@ -52,26 +52,35 @@ def observe(
 
 
 def begin_observing(
-    recording: Recording, track: Places | None, models: Mapping[str, TerrainClassifier], cell_size_m: float
+    recording: Recording, track: Track | None, models: Mapping[str, TerrainClassifier], cell_size_m: float
 ) -> list[tuple[SenseRecord, Iterator[Observation] | None]]:
     """Give what each sense will observe, for its record; None where it is absent, with the reason in the record.
 
     Parameters
     ----------
     recording, track, models, cell_size_m
-        As in `observe`; of a recording that is being made the streams end with the drive.
+        As in `observe`.
     """
-    jobs = list[tuple[SenseRecord, Iterator[Observation] | None]]()
-    for sense in senses():
-        absent = sense.absence(recording) or ("no places in the recording" if track is None else "")
-        if not absent and sense.name not in models:
-            absent = "no model"
-        record = SenseRecord(sense.instrument, sense.name, SenseMap(sense.instrument), absent=absent)
-        given = None
-        if not absent and track is not None:
-            given = sense.observe(recording, track, models[sense.name], cell_size_m)
-        jobs.append((record, given))
-    return jobs
+    return [begin_sense(sense, recording, track, models, cell_size_m) for sense in senses()]
+
+
+def begin_sense(
+    sense: Sense,
+    recording: Recording,
+    track: Places | None,
+    models: Mapping[str, TerrainClassifier],
+    cell_size_m: float,
+) -> tuple[SenseRecord, Iterator[Observation] | None]:
+    """Give what one sense will observe, as `begin_observing` does for each; the streams of a recording that is being
+    made end with the drive.
+    """
+    absent = sense.absence(recording) or ("no places in the recording" if track is None else "")
+    if not absent and sense.name not in models:
+        absent = "no model"
+    record = SenseRecord(sense.instrument, sense.name, SenseMap(sense.instrument), absent=absent)
+    if absent or track is None:
+        return record, None
+    return record, sense.observe(recording, track, models[sense.name], cell_size_m)
 
 
 def _run_concurrently(

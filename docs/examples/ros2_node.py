@@ -29,7 +29,7 @@ class Terrain(Node):
         for name, default in (("database", "terrain.db"), ("vehicle", "vehicle.toml"), ("site", "")):
             self.declare_parameter(name, default)
         database, vehicle, site = (self.get_parameter(name).value for name in ("database", "vehicle", "site"))
-        self.live = LiveTraverse(database, vehicle, site=site)
+        self.live = LiveTraverse(database, vehicle, site=site, shared_speed=True)
         self.speed_m_s = math.nan
         self.ground = self.create_publisher(String, "ground", 10)
         self.live.subscribe(self.tell)

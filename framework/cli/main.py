@@ -27,6 +27,7 @@ from . import (
     explain,
     identify,
     inspect,
+    live,
     models,
     query,
     run,
@@ -137,6 +138,7 @@ app.command("scenario", help="Write a synthetic traverse, a recording with its g
 app.command("inspect", help="What is in a recording, and what it lacks.")(inspect.command)
 app.command("vehicle", help="Vehicle files of common robots.")(vehicle.command)
 app.command("run", help="Process a recording into a terrain database.")(run.command)
+app.command("live", help="Follow a drive that is being recorded into a terrain database.")(live.command)
 app.add_typer(query.app, name="query", help="Query the terrain database.")
 app.add_typer(db.app, name="db", help="Look after the terrain database.")
 app.command("map", help="Draw what the terrain database knows.")(draw_map.command)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,7 +13,7 @@ from ..core.quantities import magnitude
 
 if TYPE_CHECKING:
     from ...database.snapshot import Snapshot
-    from ..core.origin import Origin
+    from ..core.origin import Offset, Origin
 
 COLUMNS = "TOML map from a wheel table's columns to channels, where names and units do not identify them."
 TOPICS = (
@@ -53,6 +53,23 @@ def stated_origin(place: tuple[str, str] | None, heading: str | None) -> Origin 
         return None
     latitude, longitude = (finite("--origin", text, "deg") for text in place)
     return Origin(latitude, longitude, finite("--heading", heading or "0", "deg"))
+
+
+def stated_frame(
+    site: str | None, origin: tuple[str, str] | None, heading: str | None, offset: tuple[str, str, str] | None
+) -> dict[str, Any]:
+    """Read what `--site`, `--origin`, `--heading` and `--offset` state, by their names in Python."""
+    return {"site": site, "origin": stated_origin(origin, heading), "offset": stated_offset(offset)}
+
+
+def stated_offset(given: tuple[str, str, str] | None) -> Offset | None:
+    """Read what `--offset` states; raises `InputError`."""
+    from ..core.origin import Offset
+
+    if given is None:
+        return None
+    x_m, y_m, yaw_deg = (finite("--offset", text) for text in given)
+    return Offset(x_m, y_m, math.radians(yaw_deg))
 
 
 def quantity(name: str, text: str, unit: str, example: str) -> float:

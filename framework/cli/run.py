@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import BevameterError, InputError
-from .options import TOPICS, finite, stated_origin
+from .options import TOPICS, stated_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from distributed import Client
 
     from ..batch import Outcome
-    from ..core.origin import Offset
 
 
 def command(
@@ -85,7 +83,7 @@ def command(
             raise InputError(option, f"{len(recordings)} recordings", expected="one recording, on this machine")
     if workers is not None and dask is not None:
         raise InputError("--workers", f"{workers}, and --dask, too", expected="one of them")
-    frame = {"site": site, "origin": stated_origin(origin, heading), "offset": _offset(offset)}
+    frame = stated_frame(site, origin, heading, offset)
     if len(recordings) == 1 and dask is None:
         _run_one(recordings[0], db, vehicle, topics, models, frame, json, report, rerun)
     else:
@@ -161,15 +159,6 @@ def _run_several(
     print_outcomes(outcomes)
     if stored < len(outcomes):
         raise BevameterError(f"{len(outcomes) - stored} of {len(outcomes)} recordings failed")
-
-
-def _offset(given: tuple[str, str, str] | None) -> Offset | None:
-    from ..core.origin import Offset
-
-    if given is None:
-        return None
-    x_m, y_m, yaw_deg = (finite("--offset", text) for text in given)
-    return Offset(x_m, y_m, math.radians(yaw_deg))
 
 
 @contextmanager

@@ -6,10 +6,11 @@ import math
 import secrets
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,10 @@ from ..core.track.way import track_of
 from ..core.vehicle import Vehicle
 from ..default_models import Models
 from ..engine import Processed, begin, conclude
-from ..observing import begin_observing, observe
-from ..placement import Claim, Frames, moved
+from ..observing import begin_sense, observe
+from ..placement import Claim, Frames, Placement, moved
 from ..sense_map import SenseRecord
-from ..senses import sense_named
+from ..senses import sense_named, senses
 from ..summary import TraverseSummary
 from ..traverse import store
 from .checkpoints import Checkpoints
@@ -38,18 +39,31 @@ from .journal import Journal, place_of_journal, unfinished
 from .log import IMU, POSE, WHEEL, Taken, pose_of, vibration_of_imu, wheel_of
 from .now import Now
 from .observing import Observing, faults
-from .streams import SOURCE
+from .pieces import LivePieces, observed_in_pieces
+from .streams import SOURCE, Waiting
 
 _LOADING_S = 60.0
 """A sense is waited for no longer when a drive begins [s]."""
+
+_NAMED = ("name", "digest", "frame", "shared_speed")
+"""What a drive that is resumed has of the one that was cut off."""
 
 _SOMEWHERE = Pose(*np.zeros((4, 1)))
 """Stands for places that will come."""
 
 
-def new_drive(name: str, vehicle: Vehicle, start_time: datetime | None, site: str) -> Recording:
+def new_drive(
+    name: str, vehicle: Vehicle, start_time: datetime | None, site: str, *, shared_speed: bool = False
+) -> Recording:
     """Give the recording that a drive will make, before anything came."""
-    return Recording(name, SOURCE, vehicle, start_time, site, secrets.token_hex(32), pose=_SOMEWHERE)
+    digest = secrets.token_hex(32)
+    return Recording(name, SOURCE, vehicle, start_time, site, digest, pose=_SOMEWHERE, shared_speed=shared_speed)
+
+
+def drive_like(recording: Recording) -> Recording:
+    """Give the recording that a drive will make, of which another one says all but the samples."""
+    nothing = dict.fromkeys(("wheel", "labels", "camera", "sound", "vibration"))
+    return replace(recording, **nothing, digest=secrets.token_hex(32), pose=_SOMEWHERE)
 
 
 class LiveDrive:
@@ -102,9 +116,9 @@ class LiveDrive:
         )
         for each in self._observing.values():
             each.begin()
-        for stream in (self.intake.camera, self.intake.sound):
-            if stream.is_used:  # the first images would wait while the sense is loaded, and be dropped
-                stream.is_waited_for.wait(_LOADING_S)
+        for name, (camera, _) in self.intake.of_senses.items():
+            # The first images would wait while the sense is loaded, and be dropped.
+            self._observing[name].wait_for(camera.is_waited_for, _LOADING_S)
         self._checkpoints.begin()
 
     def started(self, time_s: float) -> None:
@@ -140,7 +154,7 @@ class LiveDrive:
     def _state(self) -> dict[str, Any]:
         own = self._recording
         start = None if own.start_time is None else own.start_time.isoformat()
-        named = {"name": own.name, "digest": own.digest}
+        named = {name: getattr(own, name) for name in _NAMED}
         return {"drive": {"named": named, "key": self._key(own)}, "start_time": start}
 
     def _restore(self, state: Mapping[str, Any]) -> None:
@@ -155,17 +169,26 @@ class LiveDrive:
             each.restore(parts(f"seen {name}"), parts(f"heard {name}"), state.get(name, {}), place)
 
     def _senses_at_work(self) -> dict[str, Observing]:
-        """Give the senses that observe streams; the others observe the whole drive when it is closed."""
-        jobs = begin_observing(
-            self._recording, self.intake.track, self._models.classifiers, self._conditions.cell_size_m
-        )
-        streams = {"vision": self.intake.camera, "audio": self.intake.sound}
+        """Give the senses that observe while driving: streams as they come, tables piece by piece."""
+        models, size, intake = self._models.classifiers, self._conditions.cell_size_m, self.intake
         at_work = {}
-        for record, given in jobs:
-            if given is not None and record.name in streams:
-                stream = streams[record.name]
-                stream.is_used = True
-                at_work[record.name] = Observing(record, given, stream.unused)
+        for sense in senses():
+            if sense.name not in models:
+                continue
+            camera, sound = intake.streams_for_sense()
+            own = replace(self._recording, camera=camera, sound=sound)
+            record, given = begin_sense(sense, own, intake.track, models, size)
+            if given is not None:
+                intake.of_senses[sense.name] = camera, sound
+                at_work[sense.name] = Observing(record, given, partial(_unused, (camera, sound)))
+                continue
+            pieces = LivePieces(intake.changed, intake.track)
+            pieces.is_used = True
+            intake.pieces.append(pieces)
+            parts = pieces.recordings(self._recording, lambda piece: moved(piece, self._placement))
+            record = replace(record, absent="")
+            observed = observed_in_pieces(sense, parts, intake.track, models[sense.name], size)
+            at_work[sense.name] = Observing(record, observed, pieces.unused, is_provisional=True)
         return at_work
 
     def _begin_now(self) -> Now:
@@ -179,7 +202,8 @@ class LiveDrive:
         classes = tuple(sorted({name for model in used for name in model.classes}))
         given = self._database
         with nullcontext(given) if isinstance(given, TerrainDatabase) else TerrainDatabase(given) as opened:
-            return Now(self.intake, self._observing, own.vehicle, opened, drive, classes)
+            made, physics = replace(own, site=placed.site), self._conditions.physics
+            return Now(self.intake, self._observing, own.vehicle, opened, drive, classes, made, physics)
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -236,18 +260,23 @@ class LiveDrive:
     def _concluded(self, digest: str | None) -> Processed:
         begun = begin(
             self._made(digest), self._conditions, lambda senses, synthetic: self._models.of(senses),
-            lambda claim: self._placement,
+            self._placed,
         )  # fmt: skip
-        done = dict[str, SenseRecord]()
+        done, parts = dict[str, SenseRecord](), self._checkpoints.parts
         if begun.track is not None:
             done = {
-                name: each.concluded(begun.recording, begun.track, begun.cell_size_m)
+                name: each.concluded(begun.recording, begun.track, begun.cell_size_m, parts(f"heard {name}"))
                 for name, each in self._observing.items()
+                if not each.is_provisional
             }
         rest = {name: each for name, each in begun.models.classifiers.items() if name not in done}
         records = observe(begun.recording, begun.track, rest, begun.cell_size_m)
         said = tuple(_said(done.get(record.name, record), begun.recording) for record in records)
         return conclude(begun, said, self._began, lambda stage, share: None)
+
+    def _placed(self, claim: Claim) -> Placement:
+        """Place the drive as when it began; at a site of its own by its digest, if there is another one by now."""
+        return Frames(self._conditions.frames).place(claim) if self._placement.apart else self._placement
 
     def _made(self, digest: str | None) -> Recording:
         """Give the recording that the samples made."""
@@ -264,8 +293,13 @@ class LiveDrive:
         return replace(
             self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=pose, vibration=vibration,
             camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
-            problems=(*problems, *self._of_samples()),
+            problems=(*self._recording.problems, *problems, *self._of_samples()),
         )  # fmt: skip
+
+
+def _unused(streams: Sequence[Waiting]) -> None:
+    for each in streams:
+        each.unused()
 
 
 def _said(record: SenseRecord, recording: Recording) -> SenseRecord:

@@ -15,6 +15,7 @@ from ..core.recording.types import Frame
 from .clock import DriveClock
 from .log import IMU, POSE, WHEEL, Log, Part, WheelRow
 from .order import InOrder
+from .pieces import LivePieces
 from .streams import LiveCamera, LiveSound
 from .track import KEPT_S, LiveTrack
 
@@ -49,7 +50,10 @@ class Intake:
     def __init__(self, horizon_s: float, lossless: bool, offset: Offset | None):
         self.changed = threading.Condition(threading.RLock())
         self.track, self.log = LiveTrack(), Log()
-        self.camera, self.sound = LiveCamera(self.changed, self.track), LiveSound(self.changed, self.track)
+        self.camera = LiveCamera(self.changed, self.track, lossless=lossless)
+        self.sound = LiveSound(self.changed, self.track, lossless=lossless)
+        self.of_senses: dict[str, tuple[LiveCamera, LiveSound]] = {}
+        self.pieces: list[LivePieces] = []
         self._clock = DriveClock()
         self.has_ended = False
         self.follow_wheel: Callable[[float, WheelRow], None] | None = None
@@ -58,11 +62,27 @@ class Intake:
         self._newest: dict[str, float] = {}
         self._speed_of: str | None = None
 
+    def streams_for_sense(self) -> tuple[LiveCamera, LiveSound]:
+        """Make streams of images and sound for one sense, as each of them is read once; `of_senses` is to hold them."""
+        loaded = threading.Event()
+        return (
+            LiveCamera(self.changed, self.track, lossless=self._lossless, is_waited_for=loaded),
+            LiveSound(self.changed, self.track, lossless=self._lossless, is_waited_for=loaded),
+        )
+
+    @property
+    def _cameras(self) -> list[LiveCamera]:
+        return [self.camera, *(camera for camera, _ in self.of_senses.values())]
+
+    @property
+    def _sounds(self) -> list[LiveSound]:
+        return [self.sound, *(sound for _, sound in self.of_senses.values())]
+
     def put(self, stream: str, time_s: float, sample: Any) -> None:
         """Take in a sample, and give on what no earlier one is waited for any more; raises `InputError` at the end."""
-        is_full = {IMAGE: self.camera.is_full, SOUND: self.sound.is_full}.get(stream)
         with self.changed:
-            while self._lossless and is_full is not None and is_full() and not self.has_ended:
+            # Whatever comes may let images and sound go on that wait for earlier samples.
+            while self._lossless and not self.has_ended and any(s.is_full() for s in (*self._cameras, *self._sounds)):
                 self.changed.wait()
             if self.has_ended:
                 raise InputError("LiveTraverse", "a sample after the drive was closed", expected="a new one")
@@ -75,18 +95,25 @@ class Intake:
         """Give on all samples up to a time [s]: what says where the vehicle was before what was observed there."""
         self.track.go_on(until_s)
         for time_s, row in self._waiting[POSE].until(until_s):
-            self.log.add(POSE, time_s, row)
+            self._add(POSE, time_s, row)
             self._add_pose(time_s, *row)
         for time_s, row in self._waiting[WHEEL].until(until_s):
-            self.log.add(WHEEL, time_s, row)
+            self._add(WHEEL, time_s, row)
             self._add_wheel(time_s, row)
         for time_s, row in self._waiting[IMU].until(until_s):
-            self.log.add(IMU, time_s, row)
+            self._add(IMU, time_s, row)
         for time_s, (image, problem) in self._waiting[IMAGE].until(until_s):
-            self.camera.put(Frame(time_s, image, problem, urgent=True))
+            for camera in self._cameras:
+                camera.put(Frame(time_s, image, problem, urgent=True))
         for time_s, (samples, rate) in self._waiting[SOUND].until(until_s):
-            self.sound.put(time_s, samples, rate)
+            for sound in self._sounds:
+                sound.put(time_s, samples, rate)
         self.changed.notify_all()
+
+    def _add(self, stream: str, time_s: float, row: Any) -> None:
+        self.log.add(stream, time_s, row)
+        for each in self.pieces:
+            each.put(stream, time_s, row)
 
     def _add_pose(self, time_s: float, x_m: float, y_m: float, yaw_rad: float) -> None:
         if self._offset is not None:
@@ -116,12 +143,15 @@ class Intake:
         """Give the rows since the last time that this was called, to be written away, and the state."""
         with self.changed:
             passed = {stream: self._waiting[stream].passed_s for stream in (POSE, WHEEL, IMU)}
-            return self.log.cut(), {
+            log, self.log = self.log, Log()
+            state = {
                 "passed_s": {stream: time_s for stream, time_s in passed.items() if math.isfinite(time_s)},
+                "reads": {name: [each.is_used for each in streams] for name, streams in self.of_senses.items()},
                 "images": self.camera.count,
                 "sound_samples": self.sound.samples,
                 "sound_rate": self.sound.rate,
             }
+        return log.cut(), state  # made into columns while samples come on
 
     def restore(self, poses: Iterable[Columns], wheels: Iterable[Columns], state: Mapping[str, Any]) -> float:
         """Take in what another one has written away, before anything comes; give from when on samples are needed [s].
@@ -147,14 +177,22 @@ class Intake:
                     self._add_pose(*row)
         needed = []
         for stream, passed_s in state["passed_s"].items():
-            self._waiting[stream].passed_s = math.nextafter(passed_s, math.inf)
+            waiting = self._waiting[stream]
+            waiting.passed_s = waiting.taken_s = math.nextafter(passed_s, math.inf)
             needed.append(passed_s)
-        images_s, sound_s = (state.get(name, {}).get("from_s", -math.inf) for name in ("vision", "audio"))
-        self._waiting[IMAGE].passed_s = images_s
+        froms = {name: state.get(name, {}).get("from_s", -math.inf) for name in self.of_senses}
+        reads = state["reads"]
+        images_s, sound_s = (
+            min((froms[name] for name in froms if reads.get(name, (True, True))[which]), default=math.inf)
+            for which in (0, 1)
+        )
         self.sound.resume(sound_s, state["sound_samples"], state["sound_rate"])
-        if state["images"]:  # of which none was observed yet, if it does not say from when on
+        for name, (camera, sound) in self.of_senses.items():
+            camera.from_s = froms[name]
+            sound.resume(froms[name], state["sound_samples"], state["sound_rate"])
+        if state["images"] and images_s < math.inf:  # of which none was observed yet, if it does not say from when on
             needed.append(images_s)
-        if state["sound_samples"]:
+        if state["sound_samples"] and sound_s < math.inf:
             needed.append(sound_s - LONGEST_BLOCK_S)  # the block that holds a time begins before it
         self.camera.count = state["images"]
         self.track.go_on(max(needed, default=-math.inf))
@@ -170,16 +208,16 @@ class Intake:
                     waiting.put(at_s, one)
             self.track.end()
             self._give_on(math.inf)
-            self.camera.end()
-            self.sound.end()
+            for each in (*self._cameras, *self._sounds, *self.pieces):
+                each.end()
             self.changed.notify_all()
 
     def leave(self) -> None:
         """Give nothing on any more, and forget what waits: the drive is to be resumed."""
         with self.changed:
             self.has_ended = True
-            self.camera.leave()
-            self.sound.leave()
+            for each in (*self._cameras, *self._sounds, *self.pieces):
+                each.leave()
             self.changed.notify_all()
 
     @property
@@ -192,7 +230,11 @@ class Intake:
         )
         dropped = (
             f"{stream}: {each.dropped} of {each.count} were dropped, as they came faster than they could be processed"
-            for stream, each in (("images", self.camera), ("blocks of sound", self.sound))
+            for stream, each in (
+                *(("images", each) for each in self._cameras),
+                *(("blocks of sound", each) for each in self._sounds),
+                *(("pieces of the drive", each) for each in self.pieces),
+            )
             if each.dropped
         )
         wrong = self._clock.wrong

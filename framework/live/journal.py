@@ -21,7 +21,7 @@ from ..core.errors import InputError
 from .log import Part
 
 EXPECTED = "the journal of a drive of this version of Bevameter"
-_VERSION = 1
+_VERSION = 2
 _TABLES = (
     "CREATE TABLE IF NOT EXISTS state (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
     "CREATE TABLE IF NOT EXISTS parts (number INTEGER PRIMARY KEY, stream TEXT NOT NULL, rows BLOB NOT NULL)",

@@ -17,12 +17,13 @@ from ..core.arguments import number, path_of, refused
 from ..core.errors import InputError
 from ..core.origin import Offset, Origin
 from ..core.recording.bag_vibration import NAMES
+from ..core.recording.types import Recording
 from ..core.vehicle import Vehicle, as_vehicle
 from ..default_models import Models, ModelsGiven, find_models
 from ..fusion import Belief
 from ..segments import CELL_SIZE_M
 from ..summary import TraverseSummary
-from .drive import LiveDrive, new_drive
+from .drive import LiveDrive, drive_like, new_drive
 from .ground import UnderWheels
 from .intake import IMAGE, SOUND
 from .log import IMU, POSE, WHEEL
@@ -65,6 +66,8 @@ class LiveTraverse:
         them is dropped, and counted.
     resume
         The journal of a drive that was cut off (`unfinished`), to go on with it; the other arguments as then.
+    shared_speed
+        Whether the wheels' ``travel_speed_m_s`` is that of the vehicle's reference point, as odometry gives it.
 
     Raises
     ------
@@ -87,13 +90,61 @@ class LiveTraverse:
         horizon_s: float = HORIZON_S,
         lossless: bool = False,
         resume: str | Path | None = None,
+        shared_speed: bool = False,
     ):
-        self._vehicle = as_vehicle(vehicle)
+        new = new_drive(name, as_vehicle(vehicle), start_time, site, shared_speed=shared_speed)
+        self._begin(new, database, models, cell_size_m, site or None, origin, offset, horizon_s, lossless, resume)
+
+    @classmethod
+    def like(
+        cls,
+        recording: Recording,
+        database: TerrainDatabase | str | Path,
+        *,
+        models: Models | ModelsGiven = None,
+        cell_size_m: float = CELL_SIZE_M,
+        site: str | None = None,
+        origin: Origin | None = None,
+        offset: Offset | None = None,
+        horizon_s: float = HORIZON_S,
+        lossless: bool = False,
+        resume: str | Path | None = None,
+    ) -> LiveTraverse:
+        """Begin a drive of which a recording says the rest: name, vehicle, time, site, frame and remarks.
+
+        Parameters
+        ----------
+        recording
+            Of which no samples are taken.
+        database, models, cell_size_m, site, origin, offset
+            As in `run_traverse`.
+        horizon_s, lossless, resume
+            As above.
+
+        Raises
+        ------
+        InputError
+            As above, and where nobody described the vehicle.
+        """
+        if recording.vehicle is None:
+            raise InputError(recording.source, "nobody describes the vehicle", expected="its vehicle.toml")
+        live = cls.__new__(cls)
+        live._begin(
+            drive_like(recording), database, models, cell_size_m, site, origin, offset, horizon_s, lossless, resume
+        )
+        return live
+
+    def _begin(
+        self, new: Recording, database: TerrainDatabase | str | Path, models: Models | ModelsGiven, cell_size_m: float,
+        site: str | None, origin: Origin | None, offset: Offset | None, horizon_s: float, lossless: bool,
+        resume: str | Path | None,
+    ) -> None:  # fmt: skip
+        assert new.vehicle is not None
+        self._vehicle = new.vehicle
         conditions = Conditions.of(
-            database, vehicle=self._vehicle, cell_size_m=cell_size_m, site=site or None, origin=origin, offset=offset
+            database, vehicle=self._vehicle, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset
         )
         left = None if resume is None else path_of("resume", resume, "the path of a journal")
-        new = new_drive(name, self._vehicle, start_time, site)
         if not isinstance(models, Models):
             models = find_models(models, url_of(database), synthetic=new.synthetic)
         horizon_s = number("horizon_s", horizon_s, "a time, not negative [s]")
@@ -115,6 +166,11 @@ class LiveTraverse:
     def needed_s(self) -> float:
         """Of a drive that is resumed: samples from this time on are taken once more, where the caller has them [s]."""
         return self._drive.needed_s
+
+    @property
+    def clock_s(self) -> float:
+        """Time of the newest sample [s]; minus infinity before the first."""
+        return self._drive.intake.clock_s
 
     def __enter__(self) -> LiveTraverse:
         return self
@@ -265,7 +321,8 @@ class LiveTraverse:
     def snapshot(self) -> Snapshot:
         """Give the planner's view of the site: what was stored when the drive began, and what it has seen by now.
 
-        Soils are those that were stored. A cell is as it was believed to be when it was last seen.
+        Soils are those that were stored, and those of the drive's stretches that are complete: where the ground has
+        changed, or after 50 s. A cell is as it was believed to be when it was last seen.
         """
         return self._drive.now.snapshot()
 

@@ -40,14 +40,12 @@ class Log:
         self._rows[stream].append((time_s, row))
 
     def cut(self) -> list[Part]:
-        """Make parts of the rows that came since the last time."""
-        cut = [
+        """Make parts of the rows."""
+        return [
             (stream, _wheel_columns(rows) if stream == WHEEL else _columns(rows))
             for stream, rows in self._rows.items()
             if rows
         ]
-        self._rows = {stream: [] for stream in self._rows}
-        return cut
 
 
 def pose_of(parts: Iterable[dict[str, np.ndarray]]) -> Pose | None:

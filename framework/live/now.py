@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...database.observations import Drive
+from ...database.physics import ClassPhysics
 from ...database.snapshot import Snapshot
 from ...database.store import TerrainDatabase
+from ..core.recording.types import Recording
 from ..core.vehicle import Vehicle
 from ..fusion import Belief
 from .events import SoilDeparts, Trouble
 from .ground import GroundByNow, UnderWheels, WayByNow
 from .intake import IMAGE, SOUND, Intake
+from .log import IMU, WheelRow
 from .observing import Observing
 from .site import SiteByNow
 from .soil import SoilByNow, SoilWatch
+from .stretches import StretchSoils
 from .watch import Subscriber, Watch
 
 SILENT_S = 1.0
 """A sensor of which nothing came for so long is taken for lost [s]."""
 
-_STREAMS = {"vision": IMAGE, "audio": SOUND}
+_STREAMS = {"vision": IMAGE, "audio": SOUND, "vibration": IMU}
 
 
 @dataclass(frozen=True)
@@ -70,11 +74,17 @@ class Now:
         The terrain database, as far as it was known when the drive began.
     drive
         The drive, without observations.
+    classes
+        Names that the senses may give.
+    recording
+        That is being made, in the frame of its site.
+    physics
+        What is known of the physics of classes.
     """
 
     def __init__(
         self, intake: Intake, observing: Mapping[str, Observing], vehicle: Vehicle, database: TerrainDatabase,
-        drive: Drive, classes: tuple[str, ...],
+        drive: Drive, classes: tuple[str, ...], recording: Recording, physics: Sequence[ClassPhysics],
     ):  # fmt: skip
         self._intake, self._observing = intake, observing
         size = drive.terrain.cell_size_m
@@ -84,14 +94,26 @@ class Now:
         known = self._site.snapshot
         soils = {name: soil for name, soil in known.soils.items() if name not in known.physics}
         self._soil = SoilWatch(vehicle, soils, self._tell) if vehicle.wheels else None
-        self._watch = Watch(intake.track, self._ground, self._way, self._soil)
+        self._stretches = StretchSoils(recording, physics, self._ground, intake.track, size)
+        self._watch = Watch(intake.track, self._ground, self._way, self._begin_stretch)
         if self._soil is not None:
-            intake.follow_wheel = self._soil.put
+            intake.follow_wheel = self._follow
             self._soil.begin()
+            self._stretches.begin()
         self._watch.begin()
 
     def _tell(self, event: SoilDeparts) -> None:
         self._watch.tell(event)
+
+    def _follow(self, time_s: float, row: WheelRow) -> None:
+        assert self._soil is not None
+        self._soil.put(time_s, row)
+        self._stretches.put(time_s, row)
+
+    def _begin_stretch(self, time_s: float, class_name: str) -> None:
+        if self._soil is not None:
+            self._soil.begin_stretch(time_s, class_name)
+            self._stretches.complete(time_s)
 
     def trouble(self, text: str) -> None:
         """Tell that something fails, or works again."""
@@ -126,7 +148,11 @@ class Now:
 
     def trust(self) -> dict[str, Trust]:
         """Say how far each sense is trusted, by its name."""
-        return {name: self._trust(name, each) for name, each in self._observing.items()}
+        return {
+            name: self._trust(name, each)
+            for name, each in self._observing.items()
+            if each.last is not None or each.fault or not each.is_provisional
+        }
 
     def _trust(self, name: str, each: Observing) -> Trust:
         sense, last = each.record.sense, each.last
@@ -149,7 +175,7 @@ class Now:
         with self._taking_up:
             touched = [each.take_touched() for each in self._observing.values()]
             cells = np.unique(np.concatenate(touched), axis=0) if touched else np.empty((0, 2), dtype=np.int64)
-            return self._site.take_up(self._ground.belief(cells))
+            return self._site.take_up(self._ground.belief(cells), self._stretches.take())
 
     def settle(self) -> None:
         """Sum up what was seen, and estimate again what rests on all of it."""
@@ -160,11 +186,12 @@ class Now:
     @property
     def problems(self) -> tuple[str, ...]:
         """What failed by now."""
-        found = (self._watch.fault, "" if self._soil is None else self._soil.fault)
+        found = (self._watch.fault, "" if self._soil is None else self._soil.fault, self._stretches.fault)
         return tuple(filter(None, found))
 
     def end(self) -> None:
         """Follow what waits, and end."""
         self._watch.end()
         if self._soil is not None:
+            self._stretches.end()
             self._soil.end()

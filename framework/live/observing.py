@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -19,6 +20,8 @@ from ..core.track.way import Track
 from ..sense_map import SenseMap, SenseRecord
 from ..senses import Observation
 from .log import Part
+
+_POLL_S = 0.05
 
 _MOST_UNSAVED = 100
 """Observations that wait for one that is open, at most."""
@@ -42,6 +45,8 @@ class Observing:
         What the sense observes as the drive goes on; ends with the drive.
     failed
         Called where it raises.
+    is_provisional
+        Whether the whole drive is observed again when it is closed.
 
     Attributes
     ----------
@@ -51,11 +56,14 @@ class Observing:
         Why the sense observes no more; empty where it does.
     """
 
-    def __init__(self, record: SenseRecord, observations: Iterator[Observation], failed: Callable[[], None]):
+    def __init__(
+        self, record: SenseRecord, observations: Iterator[Observation], failed: Callable[[], None], *,
+        is_provisional: bool = False,
+    ):  # fmt: skip
         self.record, self._observations, self._failed = record, observations, failed
+        self.is_provisional = is_provisional
         self.last: Observation | None = None
         self.fault = ""
-        self._windows: list[Observation] = []
         self._touched: list[np.ndarray] = []
         self._unsaved: list[Observation] = []
         self._saved = _empty(record)
@@ -67,6 +75,12 @@ class Observing:
     def begin(self) -> None:
         """Begin to observe."""
         self._thread.start()
+
+    def wait_for(self, loaded: threading.Event, most_s: float) -> None:
+        """Wait until the sense has loaded what it needs, or has ended, but no longer than a time [s]."""
+        until_s = time.monotonic() + most_s
+        while not loaded.wait(_POLL_S) and self._thread.is_alive() and time.monotonic() < until_s:
+            pass
 
     def end(self) -> None:
         """Wait until all that came was observed."""
@@ -94,8 +108,6 @@ class Observing:
         if len(self._touched) > _MOST_PARTS:  # nobody takes snapshots
             self._touched = [np.unique(np.concatenate(self._touched), axis=0)]
         self._unsaved.append(observation)
-        if observation.window_s is not None:
-            self._windows.append(observation)
 
     def take_touched(self) -> np.ndarray:
         """Give the cells (m, 2) that were observed since the last time that this was called."""
@@ -158,23 +170,27 @@ class Observing:
             sums = CellSums(**{name: each[name] for name in _SUMS})
             names = (tuple(map(str, each[name].tolist())) for name in ("classes", "reason_names"))
             self.record.map.restore(sums, *names)
-        self._windows = [_observation_of(each) for each in heard]
-        if self._windows and place is not None:
-            self.record.map.add(*_looks(_under_wheels(self._windows, *place)))
+        windows = [_observation_of(each) for each in heard]
+        if windows and place is not None:
+            self.record.map.add(*_looks(_under_wheels(windows, *place)))
         self._from_s = state.get("from_s")
         for record in (self.record, self._saved):
             for name in _COUNTS:
                 value = state.get(name, 0)
                 setattr(record, name, Counter(value) if isinstance(value, dict) else value)
 
-    def concluded(self, recording: Recording, track: Track, cell_size_m: float) -> SenseRecord:
+    def concluded(
+        self, recording: Recording, track: Track, cell_size_m: float, heard: Iterable[dict[str, np.ndarray]]
+    ) -> SenseRecord:
         """Give the record of the whole drive: what was observed under the wheels lies where they are known to have
-        been in the end.
+        been in the end; `heard` is what was written away of it.
         """
-        if not self._windows:
+        windows = [_observation_of(each) for each in heard]
+        windows += [each for each in self._unsaved if each.window_s is not None]
+        if not windows:
             return self.record
         record = _empty(self.record)
-        record.add(_under_wheels(self._windows, recording, track, cell_size_m))
+        record.add(_under_wheels(windows, recording, track, cell_size_m))
         return record
 
 

@@ -17,6 +17,8 @@ class InOrder(Generic[_Sample]):
     ----------
     passed_s
         Time of the last sample that was given on [s].
+    taken_s
+        Of a drive that is resumed: those before were taken in before [s], and are left out without a word.
     late
         How many came after a later one had been given on, and were left out.
     """
@@ -24,13 +26,13 @@ class InOrder(Generic[_Sample]):
     def __init__(self) -> None:
         self._waiting: list[tuple[float, int, _Sample]] = []
         self._count = 0
-        self.passed_s = -math.inf
+        self.passed_s = self.taken_s = -math.inf
         self.late = 0
 
     def put(self, time_s: float, sample: _Sample) -> bool:
         """Take in a sample; False where it is late. One of the same time as the last is not."""
         if time_s < self.passed_s:
-            self.late += 1
+            self.late += time_s >= self.taken_s
             return False
         heapq.heappush(self._waiting, (time_s, self._count, sample))
         self._count += 1

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...database.observations import Drive, TerrainObservations
+from ...database.observations import Drive, SoilObservation, TerrainObservations
+from ...database.posterior import class_soils
 from ...database.snapshot import Snapshot
 from ...database.store import TerrainDatabase
 from ..core.evidence import ClassEvidence
@@ -45,11 +46,26 @@ class SiteByNow:
             (), own.origin, own.offset,
         )  # fmt: skip
 
-    def take_up(self, belief: Belief) -> Snapshot:
-        """Give the snapshot in which cells are as they are believed to be now; other cells stay as they were."""
+    def take_up(self, belief: Belief, soils: tuple[SoilObservation, ...] = ()) -> Snapshot:
+        """Give the snapshot in which cells are as they are believed to be now; other cells stay as they were.
+
+        Parameters
+        ----------
+        belief
+            Of the cells that were seen.
+        soils
+            All that the drive has measured by now; none where that is what it was the last time.
+        """
         seen = self._seen(belief)
         if len(seen.terrain):
             self.snapshot = self.snapshot.with_drives([*self._stored, seen], [seen], dict(self.snapshot.physics))
+        if soils:
+            own = self.snapshot
+            known = class_soils([each for drive in self._stored for each in drive.soils] + list(soils))
+            drives = [*self._stored, self._drive]
+            self.snapshot = Snapshot.of(
+                own.site, own.cell_size_m, own.class_names, own.cells, known, drives, own.physics
+            )  # fmt: skip
         return self.snapshot
 
 

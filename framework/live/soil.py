@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ import numpy as np
 
 from ...database.posterior import ClassSoil
 from ...identification.estimate.departure import ANY_SOIL_SD, DepartureTest
-from ...identification.estimate.online import LEAST_SAMPLES, OnlineIdentifier
+from ...identification.estimate.online import LEAST_SAMPLES, OnlineEstimate, OnlineIdentifier
 from ...identification.mechanics.textbook import CHANNELS
 from ...identification.rows.gate import quasi_static
 from ...identification.rows.motor import with_torque
@@ -37,6 +38,11 @@ _SEEN_S = 2.0
 """Samples of each wheel that the gate sees [s]: it smooths over 11 of them, and takes rates over 0.6 s."""
 
 _MOST_WAITING = 2000
+_POLL_S = 0.01
+
+_AT_ONCE = 2
+"""Rows that the estimate is made from with each sample, at most: after a search those that waited follow one by one."""
+
 _USUAL = np.array([1e3, 0.6, math.log(0.02), math.log(2e5), 0.0])
 _ADVICE = {
     "too fast": "drive more slowly",
@@ -64,6 +70,8 @@ class SoilByNow:
         By name, each with its 95 % interval; empty before the first estimate.
     n
         Samples that it rests on.
+    waiting
+        Samples that count and are not part of it yet, as while the estimator searches for another soil.
     reason
         Why the newest sample does not count; empty where it does.
     advice
@@ -80,6 +88,7 @@ class SoilByNow:
     reason: str = ""
     advice: str = ""
     log_ratio: float = math.nan
+    waiting: int = 0
 
 
 class SoilWatch:
@@ -135,18 +144,23 @@ class SoilWatch:
     def _work(self) -> None:
         while True:
             with self._changed:
-                while not self._waiting and not self._has_ended:
+                while not (self._waiting or self._has_ended or self._stretch.waiting):
                     self._changed.wait(1.0)
                     if not threading.main_thread().is_alive():
                         return
-                if not self._waiting:
-                    return
+                if self._has_ended and not self._waiting:
+                    break
+                if not self._waiting:  # rows wait for a search
+                    self._changed.wait(_POLL_S)
                 rows, stretch = list(self._waiting), self._stretch
                 self._waiting.clear()
             try:
                 self._follow(rows, stretch)
             except Exception as error:  # the next samples may be usable
                 self.fault = f"the soil in progress is not followed: {described(error)}"
+        if self.now is not None:
+            self._stretch.finish()
+            self._say(self.now.time_s, self._stretch, self.now.reason)
 
     def _follow(self, rows: list[tuple[float, WheelRow]], stretch: _Stretch) -> None:
         by_wheel: dict[str, list[tuple[float, WheelRow]]] = {}
@@ -169,7 +183,11 @@ class SoilWatch:
                 if not reasons[at] and time_s >= max(self._counted_s + STEP_S - 1e-6, stretch.since_s):
                     self._counted_s = time_s
                     stretch.add(table, at, wheel, vehicle)
-        self._say(rows[-1][0], stretch, reason)
+        stretch.go_on(_AT_ONCE)
+        if rows:
+            self._say(rows[-1][0], stretch, reason)
+        elif self.now is not None:
+            self._say(self.now.time_s, stretch, self.now.reason)
 
     def _judged(
         self, name: str, wheel: Wheel, new: list[tuple[float, WheelRow]]
@@ -204,7 +222,9 @@ class _Stretch:
     is_said: bool = False
     _rows: list[tuple[float, WheelRow]] = field(default_factory=list)
     _identifier: OnlineIdentifier | None = None
-    _n: int = 0
+    _waiting: deque[dict[str, float]] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _found: OnlineEstimate | None = None
+    _advice: str = ""
 
     def add(self, table: WheelTable, at: int, wheel: Wheel, vehicle: Vehicle) -> None:
         """Take in a row that counts."""
@@ -215,13 +235,30 @@ class _Stretch:
                 return
             found = sensor_noise(table_of_rows(self._rows), vehicle).tolist()
             noise = {str(name): value for name, value in zip(CHANNELS, found, strict=True)}
-            self._identifier = OnlineIdentifier(wheel, noise, window=WINDOW)
+            self._identifier = OnlineIdentifier(wheel, noise, window=WINDOW, searches_apart=True)
             for _, each in self._rows[:-1]:
                 self._identifier.update(**each.channels)
-        found = self._identifier.update(**row)
-        self._n = 0 if found is None else found.n
-        if self.test is not None and found is not None:
-            self.test.update(*self._identifier.vector())
+        self._waiting.append(row)
+
+    @property
+    def waiting(self) -> int:
+        """Rows that wait for the estimator."""
+        return len(self._waiting)
+
+    def go_on(self, most: int) -> None:
+        """Estimate from rows that wait, `most` of them; from none while the estimator searches."""
+        own = self._identifier
+        while own is not None and self._waiting and not own.is_searching and most > 0:
+            self._found, most = own.update(**self._waiting.popleft()), most - 1
+            self._advice = own.advice()
+            if self.test is not None and self._found is not None and not own.is_searching:
+                self.test.update(*own.vector())
+
+    def finish(self) -> None:
+        """Estimate from all rows that wait."""
+        while self._identifier is not None and self._waiting:
+            self.go_on(WINDOW)
+            time.sleep(_POLL_S)
 
     @property
     def departs(self) -> bool:
@@ -238,11 +275,11 @@ class _Stretch:
     def by_now(self, time_s: float, since_s: float, reason: str, advice: str) -> SoilByNow:
         """Give what is known of it; `advice` where the newest sample does not count."""
         log_ratio = math.nan if self.test is None else self.test.log_ratio
-        found = None if self._identifier is None else self._identifier.estimate()
-        if found is None or self._identifier is None:
-            return SoilByNow(time_s, since_s, self.class_name, reason=reason, advice=advice, log_ratio=log_ratio)
-        both = "; ".join(filter(None, (advice, self._identifier.advice())))
-        return SoilByNow(time_s, since_s, self.class_name, found.parameters, found.n, reason, both, log_ratio)
+        found, own = self._found, (time_s, since_s, self.class_name)
+        if found is None:
+            return SoilByNow(*own, reason=reason, advice=advice, log_ratio=log_ratio, waiting=self.waiting)
+        both = "; ".join(filter(None, (advice, self._advice)))
+        return SoilByNow(*own, found.parameters, found.n, reason, both, log_ratio, self.waiting)
 
 
 def prediction_of(soil: ClassSoil) -> tuple[np.ndarray, np.ndarray, float]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +31,7 @@ SOURCE = Path("live drive")
 _POLL_S = 0.5
 
 
-class _Waiting:
+class Waiting:
     """What waits for its place to be known, or for its sense, in order of time; `changed` guards all of a drive.
 
     Attributes
@@ -37,16 +39,22 @@ class _Waiting:
     is_used
         Whether a sense takes what comes; else it is only counted.
     is_waited_for
-        Set once the sense has loaded what it needs, or has failed.
+        Set once the sense has loaded what it needs, or has failed; streams of one sense may share it.
+    from_s
+        Of a drive that is resumed: what is earlier was observed before [s].
     count, dropped
-        How much came, and how much of it was dropped.
+        How much came, and how much of it was dropped: nothing of a `lossless` stream, whose callers wait.
     """
 
-    def __init__(self, changed: threading.Condition, track: LiveTrack):
-        self._changed, self._track = changed, track
-        self._items: deque[tuple[float, Frame | SoundBlock]] = deque()
+    def __init__(
+        self, changed: threading.Condition, track: LiveTrack, *, lossless: bool = False,
+        is_waited_for: threading.Event | None = None,
+    ):  # fmt: skip
+        self._changed, self._track, self._lossless = changed, track, lossless
+        self._items: deque[tuple[float, Any]] = deque()
         self.is_used = False
-        self.is_waited_for = threading.Event()
+        self.is_waited_for = threading.Event() if is_waited_for is None else is_waited_for
+        self.from_s = -math.inf
         self.has_ended = False
         self.count = 0
         self.dropped = 0
@@ -60,7 +68,7 @@ class _Waiting:
             answer += 1
         return answer
 
-    def add(self, until_s: float, item: Frame | SoundBlock) -> None:
+    def add(self, until_s: float, item: Any) -> None:
         """Take in what was observed up to `until_s` [s]; `changed` is held."""
         self._items.append((until_s, item))
 
@@ -86,7 +94,7 @@ class _Waiting:
             self._items.clear()
             self._changed.notify_all()
 
-    def take(self) -> Frame | SoundBlock | None:
+    def take(self) -> Any:
         """Wait for the next one and give it; None at the end."""
         self.is_waited_for.set()
         with self._changed:
@@ -101,7 +109,7 @@ class _Waiting:
             return item
 
 
-class LiveCamera(_Waiting):
+class LiveCamera(Waiting):
     """A `CameraStream` of a drive that goes on."""
 
     def __len__(self) -> int:
@@ -110,42 +118,46 @@ class LiveCamera(_Waiting):
     def put(self, frame: Frame) -> None:
         """Take in an image; where too many wait, the oldest is dropped."""
         self.count += 1
-        if not self.is_used:
+        if not self.is_used or frame.time_s < self.from_s:
             return
         self.add(frame.time_s, frame)
-        while len(self._items) > MOST_WAITING or self.ready() > MOST_IMAGES:
+        while not self._lossless and (len(self._items) > MOST_WAITING or self.ready() > MOST_IMAGES):
             self.drop_first()
 
     def is_full(self) -> bool:
-        """Say whether another image would make one be dropped."""
-        return self.ready() >= MOST_IMAGES or len(self._items) >= MOST_WAITING
+        """Say whether as many images wait for their sense as may."""
+        return self.ready() >= MOST_IMAGES
 
     def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
         """Yield images as they come, those that are wanted where the vehicle is known to have been then."""
+        self.is_used = True
         while isinstance(frame := self.take(), Frame):
             if wanted(frame.time_s):
                 yield frame
 
 
-class LiveSound(_Waiting):
+class LiveSound(Waiting):
     """A `SoundStream` of a drive that goes on.
 
     Samples go on from those before at the stated rate; where they come more than `MAX_JITTER_S` apart from that, or at
     another rate, a new run begins, and what does not fill a block is left out, as at the end of a file.
     """
 
-    def __init__(self, changed: threading.Condition, track: LiveTrack):
-        super().__init__(changed, track)
+    def __init__(
+        self, changed: threading.Condition, track: LiveTrack, *, lossless: bool = False,
+        is_waited_for: threading.Event | None = None,
+    ):  # fmt: skip
+        super().__init__(changed, track, lossless=lossless, is_waited_for=is_waited_for)
         self.rate: int | None = None
         self._base_s, self._given, self._held = 0.0, 0, np.empty((0, 1), np.float32)
         self.samples = 0
         self._block: tuple[int, int] | None = None
-        self._from_s = -np.inf
         self._arrived: list[tuple[float, np.ndarray]] = []
 
     @property
     def sample_rate(self) -> int:
         """Samples a second [Hz], once the first came."""
+        self.is_used = True
         self.is_waited_for.set()
         with self._changed:
             while self.rate is None and not self.has_ended and threading.main_thread().is_alive():
@@ -162,13 +174,13 @@ class LiveSound(_Waiting):
         """Length of what has come [s]; infinite as long as nothing is known of it."""
         if not self.samples:
             return 0.0 if self.has_ended else np.inf
-        return self.samples / self.sample_rate
+        return self.samples / (self.rate or 1)
 
     def put(self, time_s: float, samples: np.ndarray, rate: int) -> None:
         """Take in samples (m, c), the first at `time_s` [s]."""
         if self.rate is None:
             self.rate = rate
-        known = max(round((self._from_s - time_s) * rate), 0) if np.isfinite(self._from_s) else 0
+        known = max(round((self.from_s - time_s) * rate), 0) if np.isfinite(self.from_s) else 0
         time_s, samples = time_s + known / rate, samples[known:]
         if not len(samples):
             return
@@ -181,7 +193,7 @@ class LiveSound(_Waiting):
 
     def resume(self, from_s: float, samples: int, rate: int | None) -> None:
         """Go on with a drive that was heard up to `from_s` [s], and of which so many samples came at a rate."""
-        self._from_s, self.samples, self.rate = from_s, samples, rate
+        self.from_s, self.samples, self.rate = from_s, samples, rate
 
     def _cut(self, time_s: float, samples: np.ndarray) -> None:
         assert self.rate is not None
@@ -199,15 +211,16 @@ class LiveSound(_Waiting):
             until_s = start_s + size / self.rate
             self.add(until_s, SoundBlock(start_s, block.samples, block.problem, block.channels, urgent=True))
             self._given, self._held = self._given + hop, self._held[hop:]
-        while len(self._items) * hop > MOST_SOUND_S * self.rate:
+        while not self._lossless and len(self._items) * hop > MOST_SOUND_S * self.rate:
             self.drop_first()
 
     def is_full(self) -> bool:
-        """Say whether more sound would make some be dropped."""
+        """Say whether as much sound waits for its sense as may."""
         return self._block is not None and self.ready() * self._block[1] > 0.5 * MOST_SOUND_S * (self.rate or 1)
 
     def blocks(self, block_s: float, hop_s: float) -> Iterator[SoundBlock]:
         """Yield blocks of `block_s` seconds whose starts are `hop_s` apart, as they come; for one reader."""
+        self.is_used = True
         block = block_hop(block_s, hop_s, self.sample_rate)
         with self._changed:
             self._block = block

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from .events import Event, GroundChanged, SensesContradict
 from .ground import GroundByNow, WayByNow
 from .observing import described
-from .soil import SoilWatch
 from .track import LiveTrack
 
 PERIOD_S = 0.1
@@ -28,12 +27,14 @@ class Watch:
         What is believed of the ground.
     way
         The class along the way.
-    soil
-        Begins anew where the ground changes.
+    begin_stretch
+        Called where the ground changes, with the time [s] and its class.
     """
 
-    def __init__(self, track: LiveTrack, ground: GroundByNow, way: WayByNow, soil: SoilWatch | None):
-        self._track, self._ground, self._way, self._soil = track, ground, way, soil
+    def __init__(
+        self, track: LiveTrack, ground: GroundByNow, way: WayByNow, begin_stretch: Callable[[float, str], None]
+    ):
+        self._track, self._ground, self._way, self._begin_stretch = track, ground, way, begin_stretch
         self._subscribers: list[Subscriber] = []
         self._ends = threading.Event()
         self._contradicts = False
@@ -78,8 +79,7 @@ class Watch:
             return
         before = self._way.now.class_name if self._way.now is not None else ""
         for new in self._way.go_on(track, self._ground):
-            if self._soil is not None:
-                self._soil.begin_stretch(new.since_s, new.class_name)
+            self._begin_stretch(new.since_s, new.class_name)
             probability = new.probabilities.get(new.class_name, 0.0)
             if new.class_name != before:  # the first piece may be of no class
                 self.tell(GroundChanged(new.since_s, before, new.class_name, probability))

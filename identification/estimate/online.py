@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +42,35 @@ class OnlineEstimate:
     n: int
 
 
+class _Search:
+    """A search for the soil from nothing, here or in a thread of its own."""
+
+    def __init__(self, problem: Problem, wheel: Wheel, known: SoilKnowledge):
+        self._given = problem, wheel, known
+        self._fit: Fit | None = None
+        self._error: Exception | None = None
+        self.has_ended = False
+
+    def begin(self) -> None:
+        """Search in a thread."""
+        threading.Thread(target=self.make, name="bevameter search", daemon=True).start()
+
+    def make(self) -> None:
+        """Search here."""
+        try:
+            self._fit = converge(*self._given)
+        except Exception as error:
+            self._error = error
+        self.has_ended = True
+
+    def found(self) -> Fit:
+        """Give what was found; raises what the search raised."""
+        if self._error is not None:
+            raise self._error
+        assert self._fit is not None
+        return self._fit
+
+
 class OnlineIdentifier:
     """Maximum likelihood with errors in all channels over the last samples of a drive.
 
@@ -58,16 +88,27 @@ class OnlineIdentifier:
         Samples kept [-].
     known
         What is known of the soil from elsewhere.
+    searches_apart
+        Whether a search, which takes as long as a hundred steps, is made in a thread of its own (`is_searching`): the
+        estimate stays as it was until that has ended, and no sample may be handed over.
     """
 
     def __init__(
-        self, wheel: Wheel, noise: dict[str, float], *, window: int = 600, known: SoilKnowledge | None = None
-    ) -> None:
+        self, wheel: Wheel, noise: dict[str, float], *, window: int = 600, known: SoilKnowledge | None = None,
+        searches_apart: bool = False,
+    ) -> None:  # fmt: skip
         self._wheel, self._known, self._window = wheel, known or SoilKnowledge(), window
         self._noise = np.array([noise.get(name, math.nan) for name in CHANNELS])
         self._rows = np.empty((0, len(CHANNELS)))
         self._fit: Fit | None = None
         self._since_search = 0
+        self._searches_apart = searches_apart
+        self._search: _Search | None = None
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether a search goes on in a thread of its own: a sample has to wait."""
+        return self._search is not None and not self._search.has_ended
 
     def update(
         self,
@@ -89,10 +130,18 @@ class OnlineIdentifier:
             return None
         measured = Measured(self._rows, self._noise, np.arange(len(self._rows)))
         problem = build_problem(measured, self._wheel, self._known)
+        if self._search is not None:
+            self._fit, self._search = self._search.found(), None
         self._since_search += 1
         if self._fit is None or self._lost():
-            self._fit = converge(problem, self._wheel, self._known)
             self._since_search = 0
+            search = _Search(problem, self._wheel, self._known)
+            if self._searches_apart:
+                self._search = search
+                search.begin()
+            else:
+                search.make()
+                self._fit = search.found()
         else:
             point = extended(self._fit.point, problem, dropped)
             self._fit = fit(problem, point, iterations=TRIALS, enough=math.inf)

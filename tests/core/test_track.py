@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.types import Pose, Recording, WheelTable
-from bevameter.framework.core.track.way import DEAD_RECKONING, RECORDED, cells_under_wheels, track_of
+from bevameter.framework.core.track.way import DEAD_RECKONING, RECORDED, Track, cells_under_wheels, track_of
 from bevameter.framework.core.vehicle import Vehicle, Wheel
 
 
@@ -154,3 +154,18 @@ def test_windows_outside_the_track_cover_nothing():
         track_of(recording(pose=straight())), None, np.array([50.0]), np.array([51.0]), 0.5
     )
     assert len(window) == len(cells) == 0
+
+
+def test_cells_of_a_window_do_not_depend_on_the_others():
+    """One of a minute beside others of half a second, as after a gap."""
+    time_s = np.arange(0.0, 120.0, 0.1)
+    angle = 0.05 * time_s
+    track = Track(
+        time_s, 30 * np.cos(angle), 30 * np.sin(angle), angle + np.pi / 2, np.full(len(time_s), 1.5), RECORDED,
+        np.empty((0, 2)),
+    )  # fmt: skip
+    start_s = np.arange(0.0, 60.0, 0.5)
+    end_s = start_s + 0.5
+    window, cells = cells_under_wheels(track, None, np.append(start_s, 60.0), np.append(end_s, 119.0), 0.5)
+    among_others = cells[window < len(start_s)]
+    np.testing.assert_array_equal(among_others, cells_under_wheels(track, None, start_s, end_s, 0.5)[1])

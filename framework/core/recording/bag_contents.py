@@ -14,10 +14,11 @@ from ..vehicle import Vehicle
 from .bag_camera import camera_info
 from .bag_files import Topic
 from .bag_frames import Frames
+from .bag_gathering import Decided
 from .bag_index import BagExcerpt
 from .bag_messages import DecodeError, decode, field, fields_of
 from .bag_places import is_oriented
-from .bags import Decided, read_streams
+from .bags import read_streams
 from .column_names import stem_of
 from .contents import Contents, Source
 from .opened_bag import OpenedBag, Samples, open_bag, take_samples

@@ -16,7 +16,7 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO
 from urllib.parse import quote
 
 import lz4.frame
@@ -38,6 +38,9 @@ MAX_CHUNK_BYTES = 512 * 2**20
 
 MAX_STORAGE_BYTES = 2**40
 """No storage file is unpacked beyond this [bytes]."""
+
+MCAP_REPAIR = "mcap recover"
+"""What repairs an MCAP file."""
 
 Span = tuple[int, int]
 """A stretch of time by the recorder's clock: from when, and before when [ns]."""
@@ -131,9 +134,13 @@ class BagFile:
 
     def _of_file(self, file: Path, wanted: Container[str] | None, span: Span | None) -> Iterator[Message]:
         read, repair = _KINDS[kind_of(file)]
+        yield from self._as_far_as_it_goes(read(file, wanted, span), file, repair)
+
+    def _as_far_as_it_goes(self, messages: Iterator[Message], file: Path, repair: str) -> Iterator[Message]:
+        """Yield messages up to where they are damaged, which is said, with what repairs them."""
         count = 0
         try:
-            for message in read(file, wanted, span):
+            for message in messages:
                 if abs(message.time_ns) >= _LAST_NS:
                     raise ValueError(f"a time of {message.time_ns} ns")
                 count += 1
@@ -199,7 +206,7 @@ def _of_connections(
     topics = {each.id: topic_of(each, encoding) for each in chosen}
     if chosen:
         for each, time_ns, data in bag.messages(chosen, *(span or ())):
-            yield Message(topics[each.id], time_ns, _plain_message(data))
+            yield Message(topics[each.id], time_ns, plain_message(data))
 
 
 def topic_of(connection: Connection, encoding: str) -> Topic:
@@ -210,7 +217,6 @@ def topic_of(connection: Connection, encoding: str) -> Topic:
 
 
 def _read_mcap(file: Path, wanted: Container[str] | None, span: Span | None) -> Iterator[Message]:
-    schemas: dict[int, mcap.records.Schema] = {}
     topics: dict[int, Topic] = {}
     chunks: list[mcap.records.ChunkIndex] | None = None
     if span is not None and (summary := mcap_summary(file)) is not None:
@@ -222,33 +228,51 @@ def _read_mcap(file: Path, wanted: Container[str] | None, span: Span | None) -> 
             if each.message_start_time < span[1] and each.message_end_time >= span[0]
             and not ids.isdisjoint(each.message_index_offsets)
         ]  # fmt: skip
-    for record in _mcap_records(file, chunks):
+    with file.open("rb") as raw:
+        records = mcap_records_at(raw, [each.chunk_start_offset for each in chunks]) if chunks is not None else (
+            mcap_records(raw)
+        )  # fmt: skip
+        for message in mcap_messages(records, topics):
+            wants = wanted is None or message.topic.name in wanted
+            if wants and (span is None or span[0] <= message.time_ns < span[1]):
+                yield dataclasses.replace(message, data=plain_message(message.data))
+
+
+def mcap_records(raw: IO[bytes]) -> Iterator[mcap.records.McapRecord]:
+    """Yield the records of an MCAP file from its beginning to its end, chunks as they are."""
+    return StreamReader(raw, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES).records
+
+
+def mcap_messages(records: Iterator[mcap.records.McapRecord], topics: dict[int, Topic]) -> Iterator[Message]:
+    """Yield the messages of a data section as they stand there, those in chunks one by one.
+
+    Parameters
+    ----------
+    records
+        Of the file, in order.
+    topics
+        What is known of the channels by their identities; completed on the way.
+    """
+    schemas: dict[int, mcap.records.Schema] = {}
+    for record in _data_records(records):
         if isinstance(record, mcap.records.Schema):
             schemas[record.id] = record
         elif isinstance(record, mcap.records.Channel) and record.id not in topics:
             topics[record.id] = _mcap_topic(record, schemas.get(record.schema_id))
         elif isinstance(record, mcap.records.Message):
-            topic = topics[record.channel_id]
-            if (wanted is None or topic.name in wanted) and (span is None or span[0] <= record.log_time < span[1]):
-                yield Message(topic, record.log_time, _plain_message(record.data))
+            yield Message(topics[record.channel_id], record.log_time, record.data)
 
 
-def _mcap_records(
-    file: Path, chunks: Sequence[mcap.records.ChunkIndex] | None = None
-) -> Iterator[mcap.records.McapRecord]:
-    """Yield the records of the data section, those in chunks one by one; where `chunks` are given, theirs alone."""
-    with file.open("rb") as raw:
-        records = mcap_records_at(raw, [each.chunk_start_offset for each in chunks]) if chunks is not None else (
-            StreamReader(raw, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES).records
-        )  # fmt: skip
-        for record in records:
-            if isinstance(record, mcap.records.DataEnd | mcap.records.Footer):
-                return  # what follows repeats schemas and channels
-            if isinstance(record, mcap.records.Chunk):
-                plain = dataclasses.replace(record, compression="", data=unpack(record.compression, record.data))
-                yield from breakup_chunk(plain, validate_crc=True)
-            else:
-                yield record
+def _data_records(records: Iterator[mcap.records.McapRecord]) -> Iterator[mcap.records.McapRecord]:
+    """Yield the records of the data section, those in chunks one by one."""
+    for record in records:
+        if isinstance(record, mcap.records.DataEnd | mcap.records.Footer):
+            return  # what follows repeats schemas and channels
+        if isinstance(record, mcap.records.Chunk):
+            plain = dataclasses.replace(record, compression="", data=unpack(record.compression, record.data))
+            yield from breakup_chunk(plain, validate_crc=True)
+        else:
+            yield record
 
 
 def mcap_records_at(raw: BinaryIO, offsets: Sequence[int]) -> Iterator[mcap.records.McapRecord]:
@@ -289,13 +313,13 @@ def _mcap_topic(channel: mcap.records.Channel, schema: mcap.records.Schema | Non
 
 _KINDS = {
     b"#ROSBAG V2.0": (_read_ros1, "rosbag reindex"),
-    b"\x89MCAP": (_read_mcap, "mcap recover"),
+    b"\x89MCAP": (_read_mcap, MCAP_REPAIR),
     b"SQLite format 3": (_read_sqlite, "sqlite3 FILE .recover"),
 }
 """How files begin, what reads them, and what repairs them."""
 
 
-def _plain_message(data: bytes) -> bytes:
+def plain_message(data: bytes) -> bytes:
     """Unpack a message that rosbag2 compressed by itself; a message in CDR begins with 0x00."""
     return unpack("zstd", data) if data.startswith(_ZSTD) else data
 

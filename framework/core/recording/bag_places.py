@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -94,6 +95,11 @@ class Fixes:
             self.latitude_deg.append(latitude)
             self.longitude_deg.append(longitude)
 
+    def clear(self) -> None:
+        """Forget those that were added."""
+        for each in (self.time_ns, self.latitude_deg, self.longitude_deg):
+            each.clear()
+
     def time_s(self, origin_ns: int) -> np.ndarray:
         """Times (m,) on the recording's clock [s]."""
         return (np.array(self.time_ns, dtype=np.int64) - origin_ns) * 1e-9
@@ -166,6 +172,30 @@ def pitch_and_roll(quaternions: np.ndarray, mount: np.ndarray | None) -> tuple[n
     if mount is not None:
         turned = turned @ mount.T
     return np.arcsin(np.clip(turned[:, 2, 0], -1.0, 1.0)), np.arcsin(np.clip(turned[:, 2, 1], -1.0, 1.0))
+
+
+def attitude_of(
+    rows: Sequence[tuple[float, ...]], mount: np.ndarray | None, origin_ns: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give time [s], pitch and roll [rad], (n,) in order of time, of messages of the attitude.
+
+    Parameters
+    ----------
+    rows
+        Time [ns] and quaternion x, y, z, w of each; those that are no rotations are left out.
+    mount
+        As of `pitch_and_roll`.
+    origin_ns
+        Zero of the recording's clock [ns].
+    """
+    time_s = (np.array([each[0] for each in rows], dtype=np.int64) - origin_ns) * 1e-9
+    turns = np.array([each[1:] for each in rows]).reshape(-1, 4)
+    good = np.isfinite(turns).all(axis=1) & (np.linalg.norm(turns, axis=1) > 0.5)
+    if not good.any():
+        return np.empty(0), np.empty(0), np.empty(0)
+    order = np.argsort(time_s[good], kind="stable")
+    pitch, roll = pitch_and_roll(turns[good][order], mount)
+    return time_s[good][order], pitch, roll
 
 
 def in_order(time: np.ndarray, rows: np.ndarray) -> Pose | None:

@@ -66,6 +66,33 @@ class WheelChannels:
     def __len__(self) -> int:
         return len(self._time_ns)
 
+    @property
+    def last_ns(self) -> int:
+        """Time of the newest message [ns]; far back where there is none."""
+        return max(self._time_ns, default=-(2**62))
+
+    def forget_before(self, time_ns: float) -> None:
+        """Forget the messages before a time [ns], but for the last one of these; all where it is infinite."""
+        times = np.array(self._time_ns, dtype=np.int64)
+        before = np.flatnonzero(times < time_ns)
+        kept = times >= time_ns
+        if len(before) and math.isfinite(time_ns):
+            kept[before[np.argmax(times[before])]] = True
+        if kept.all():
+            return
+        self._time_ns = array("q", times[kept].tobytes())
+        self._values = {column: array("d", np.array(data)[kept].tobytes()) for column, data in self._values.items()}
+
+    def held_until(self, time_ns: int) -> WheelChannels:
+        """Give them with their last values once more at a later time [ns], up to which no other message came."""
+        if not len(self) or self.last_ns >= time_ns:
+            return self
+        last = int(np.argmax(np.array(self._time_ns)))
+        made = WheelChannels(self.source)
+        made._time_ns = array("q", [*self._time_ns, time_ns])
+        made._values = {column: array("d", [*data, data[last]]) for column, data in self._values.items()}
+        return made
+
     def turn_load_up(self) -> bool:
         """Turn the load's sign where it is negative on the whole, as with a sensor whose axis points up; say if so."""
         load = np.array(self._values["load_N"], dtype=float)
@@ -81,9 +108,20 @@ class WheelChannels:
         return (time_ns - origin_ns) * 1e-9, values
 
 
+def clocks_of(sources: Sequence[WheelChannels]) -> dict[str | None, str]:
+    """Give the topic whose messages are the rows of each wheel, the fastest one, by the wheel's name."""
+    there = [source for source in sources if len(source)]
+    names = {source.source.wheel for source in there} - {None}
+    return {
+        name: max((each for each in there if each.source.wheel == name), key=len).source.topic
+        for name in (names or ({None} if there else ()))
+    }
+
+
 def merge(
-    sources: Sequence[WheelChannels], origin_ns: int, max_gap_s: float, path: Path
-) -> tuple[WheelTable | None, list[str]]:
+    sources: Sequence[WheelChannels], origin_ns: int, max_gap_s: float, path: Path,
+    clocks: Mapping[str | None, str] | None = None,
+) -> tuple[WheelTable | None, list[str]]:  # fmt: skip
     """Merge topics into a wheel table: each wheel's clock is that of its fastest topic, the others are interpolated.
 
     Parameters
@@ -96,6 +134,8 @@ def merge(
         No longer gap is bridged [s].
     path
         The bag, for errors.
+    clocks
+        Of a part of a bag: the topic that is each wheel's clock in the whole; wheels without any of it are left out.
 
     Returns
     -------
@@ -107,13 +147,18 @@ def merge(
         A channel is given twice for a wheel, or slip lies outside of [-1, 1].
     """
     sources = [source for source in sources if len(source)]
-    if not sources:
+    there = {(each.source.wheel, each.source.topic) for each in sources}
+    clocks = clocks_of(sources) if clocks is None else {n: each for n, each in clocks.items() if (n, each) in there}
+    if not clocks:
         return None, []
-    names = sorted({source.source.wheel for source in sources if source.source.wheel is not None})
+    names = sorted(name for name in clocks if name is not None)
     problems: list[str] = []
     parts: list[tuple[np.ndarray, dict[str, np.ndarray], str | None]] = []
     for name in names or [None]:
-        own = [source for source in sources if source.source.wheel == name]
+        own = sorted(
+            (source for source in sources if source.source.wheel == name),
+            key=lambda each: each.source.topic != clocks[name],
+        )
         shared = [source for source in sources if source.source.wheel is None and name is not None]
         _refuse_double([*own, *shared], name, path)
         time, columns = _merge_one(own, shared, origin_ns, max_gap_s, name, problems)
@@ -148,6 +193,18 @@ def with_speed_of_angle(table: WheelTable) -> WheelTable:
     return WheelTable({**table.columns, "wheel_speed_rad_s": speed}, table.wheel, table.run, table.source)
 
 
+def with_pitch_and_roll(
+    table: WheelTable, time_s: np.ndarray, pitch_rad: np.ndarray, roll_rad: np.ndarray, max_gap_s: float
+) -> WheelTable:
+    """Give rows the attitude that was observed at times (m,) [s], where they have none of their own."""
+    added = {
+        name: interpolate(time_s, values, table["time_s"], max_gap_s)
+        for name, values in (("pitch_rad", pitch_rad), ("roll_rad", roll_rad))
+        if name not in table
+    }
+    return WheelTable({**table.columns, **added}, table.wheel, table.run, table.source)
+
+
 def _refuse_double(sources: Sequence[WheelChannels], name: str | None, path: Path) -> None:
     seen: dict[str, str] = {}
     for source in sources:
@@ -169,7 +226,7 @@ def _merge_one(
     name: str | None,
     problems: list[str],
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    clock, _ = max(own, key=len).channels(origin_ns)
+    clock, _ = own[0].channels(origin_ns)
     columns: dict[str, np.ndarray] = {}
     whose = "" if name is None else f" of wheel {name}"
     for source in (*own, *shared):

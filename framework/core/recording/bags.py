@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import struct
-from collections import Counter
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,22 +15,16 @@ from ..track.way import heading_of, pose_from_wheel
 from ..vehicle import Vehicle
 from .bag_camera import with_camera
 from .bag_files import BagFile
-from .bag_frames import Frames
+from .bag_gathering import Decided, Gathered, gather, sound_reader
 from .bag_images import no_picture
-from .bag_messages import DecodeError, decode, number, stamp_ns
-from .bag_messages import field as field_of
-from .bag_places import FAR_M, FIXES, MISFIT_M, UNNAMED, Fixes, frame_of, in_order, pitch_and_roll, pose_of, stays
+from .bag_places import FAR_M, FIXES, MISFIT_M, UNNAMED, attitude_of, in_order, stays
 from .bag_streams import BagCamera, BagSound, SoundLayout
-from .bag_vibration import shaken, vibration_of
-from .bag_wheel import WheelChannels, follows_the_wheels, merge, with_speed_of_angle
-from .clock import interpolate
-from .digest import StreamDigest
+from .bag_vibration import vibration_of
+from .bag_wheel import clocks_of, follows_the_wheels, merge, with_pitch_and_roll, with_speed_of_angle
 from .mirrored import about_axes, mirrored_of, with_axes_forward
-from .opened_bag import OpenedBag, Samples, open_bag, take_samples
+from .opened_bag import OpenedBag, open_bag, take_samples
 from .recognition import Recognised
-from .sound_messages import READERS, SoundReader
-from .sound_source import SoundError, find_source
-from .topic_map import SoundTopic
+from .sound_messages import SoundReader
 from .types import Pose, Recording, WheelTable
 from .video import BagVideo, codec_of
 from .wheel_file import derive_all
@@ -41,32 +32,6 @@ from .wheel_file import derive_all
 _EARLIEST_NS = 946_684_800 * 10**9  # the year 2000: a clock below it counts from the computer's start
 _LONGEST_SOUND_S = 7 * 86400.0  # a damaged time would make for silence without end
 _MAX_SURPLUS = 0.05  # share of the time; no clock is so fast: the sample rate or number of channels is wrong
-
-
-@dataclass
-class _Gathered:
-    """What the pass over a bag's messages collects: numbers, and times of images and sounds."""
-
-    times: dict[str, list[int]]
-    wheel: list[WheelChannels]
-    speeds: list[WheelChannels]
-    frames: Frames = field(default_factory=Frames)
-    fixes: Fixes = field(default_factory=Fixes)
-    shaken: list[tuple[float, ...]] = field(default_factory=list)
-    attitude: list[tuple[float, ...]] = field(default_factory=list)
-    attitude_frame: str = ""
-    poses: list[tuple[int, float, float, float]] = field(default_factory=list)
-    pose_frame: str = ""
-    undecoded: Counter[str] = field(default_factory=Counter)
-    reasons: dict[str, str] = field(default_factory=dict)
-    speed: str = ""
-    """The topic from which the travel speed is taken, where no wheel topic gives it."""
-    against: tuple[str, ...] = ()
-    """Wheels that turn against the vehicle's travel; where all do their signs are not turned."""
-
-    def fail(self, topic: str, reason: str) -> None:
-        self.undecoded[topic] += 1
-        self.reasons.setdefault(topic, reason)
 
 
 def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None = None) -> Recording:
@@ -96,25 +61,14 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     return read_streams(open_bag(bag, take_samples(bag), vehicle, topics), vehicle)[0]
 
 
-class Decided(NamedTuple):
-    """What only the messages say: the topic that gives the travel speed where no wheel's does, topics whose load's sign
-    was turned, and wheels whose joints are mirrored.
-    """
-
-    speed: str = ""
-    turned: frozenset[str] = frozenset()
-    mirrored: frozenset[str] = frozenset()
-
-
 def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording, Decided]:
     """Read the streams that were recognised, and say what was decided by their messages. Raises as `read_bag` does."""
-    bag, samples, given, known = opened.bag, opened.samples, opened.given, opened.known
+    bag, samples, known = opened.bag, opened.samples, opened.known
     path = bag.path
     unheard: list[str] = []
-    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, samples, unheard)
-    digest = StreamDigest()
-    gathered = _gather(bag, known, heard, digest, path)
-    problems, notes = [*bag.problems, *known.assumed, *unheard, *_undecoded(gathered)], [*known.chosen]
+    heard = sound_reader(opened, unheard)
+    gathered = gather(bag, known, heard)
+    problems, notes = [*bag.problems, *known.assumed, *unheard, *gathered.said()], [*known.chosen]
     origin = min((time for times in gathered.times.values() for time in times), default=None)
     if origin is None:
         raise InputError(path, "no message of the streams can be read", expected="a bag with messages")
@@ -148,7 +102,7 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         vehicle=vehicle,
         start_time=datetime.fromtimestamp(origin / 1e9, UTC) if origin > _EARLIEST_NS else None,
         site=known.topics.site,
-        digest=digest.hexdigest(),
+        digest=gathered.digest.hexdigest(),
         wheel=wheel,
         pose=pose,
         camera=camera,
@@ -160,103 +114,15 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         shared_speed=any(each.source.shares_speed for each in (*gathered.wheel, *gathered.speeds)),
         notes=tuple(notes),
     )
-    return recording, Decided(gathered.speed, frozenset(turned), mirrored)
-
-
-def _sound_reader(
-    bag: BagFile, sound: SoundTopic | None, given: SoundTopic | None, samples: Samples, said: list[str]
-) -> SoundReader | None:  # fmt: skip
-    """Give what reads the sound; none, which is said, where it is of a kind that is not read."""
-    if sound is None:
-        return None
-    try:
-        source = find_source(sound, given, samples.first, samples.content, bag)
-    except SoundError as error:
-        said.append(f"{sound.topic}: sound is left out: {error}")
-        return None
-    if given is not None and source.sample_rate is None and source.coding == "pcm":
-        raise InputError(
-            bag.path, f"the sample rate of {sound.topic} is not known", expected="sample_rate_Hz under [sound]"
-        )
-    return READERS[source.coding](source)
-
-
-def _gather(bag: BagFile, known: Recognised, heard: SoundReader | None, digest: StreamDigest, path: Path) -> _Gathered:
-    """Pass once over the messages of the streams."""
-    topics = known.topics
-    gathered = _Gathered(
-        {}, [WheelChannels(source) for source in topics.wheel], [WheelChannels(source) for source in known.speeds]
+    clocks = clocks_of([*gathered.wheel, *(each for each in gathered.speeds if each.source.topic == gathered.speed)])
+    leans = _attitude(gathered, origin) is not None
+    return recording, Decided(
+        gathered.speed, frozenset(turned), mirrored, origin, clocks, leans, gathered.mount if leans else None
     )
-    by_topic: dict[str, list[WheelChannels]] = {}
-    for channels in (*gathered.wheel, *gathered.speeds):
-        by_topic.setdefault(channels.source.topic, []).append(channels)
-    camera = None if topics.camera is None else topics.camera.topic
-    sound = None if heard is None else heard.source.topic
-    vibration = None if topics.vibration is None else topics.vibration.topic
-    streams = {part.topic for part in (topics.pose, topics.attitude, topics.camera, heard and heard.source) if part}
-    streams |= {vibration} - {None}
-    wanted = {*by_topic, *streams}
-    for message in bag.messages({*wanted, *known.about}):
-        topic = message.topic.name
-        time_ns, content = message.time_ns, None
-        try:
-            content = decode(message)
-            time_ns = stamp_ns(message, content)
-            _add_about(gathered, known, topic, time_ns, content)
-            if topic == vibration:
-                gathered.shaken.append((time_ns, *shaken(content)))
-            for channels in by_topic.get(topic, ()):
-                channels.add(time_ns, content)
-            if topics.pose is not None and topic == topics.pose.topic and topics.pose.pose != "":
-                gathered.poses.append((time_ns, *pose_of(content, topics.pose)))
-                if len(gathered.poses) == 1:
-                    gathered.pose_frame = frame_of(content)
-        except DecodeError as error:
-            gathered.fail(topic, str(error))
-        if topic not in wanted:
-            continue
-        digest.add(topic, struct.pack("<qQ", message.time_ns, len(message.data)))
-        digest.add(topic, message.data)
-        gathered.times.setdefault(topic, []).append(time_ns)
-        if heard is not None and topic == sound:
-            try:
-                heard.count(time_ns, content)
-            except DecodeError as error:
-                gathered.fail(topic, str(error))
-    _refuse_empty(gathered, {camera, sound, vibration}, path)
-    return gathered
-
-
-def _add_about(gathered: _Gathered, known: Recognised, topic: str, time_ns: int, content: Any) -> None:
-    """Add what a message says of frames, places on Earth and attitude."""
-    if topic in known.frames:
-        gathered.frames.add(content)
-    if topic in known.fixes:
-        gathered.fixes.add(time_ns, content)
-    attitude = known.topics.attitude
-    if attitude is not None and topic == attitude.topic:
-        turn = field_of(content, attitude.orientation or "orientation")
-        gathered.attitude.append((time_ns, *(number(turn, axis) for axis in "xyzw")))
-        if attitude.orientation == "orientation" and not gathered.attitude_frame:
-            gathered.attitude_frame = str(field_of(content, "header.frame_id"))
-
-
-def _refuse_empty(gathered: _Gathered, media: set[str | None], path: Path) -> None:
-    """Refuse a topic of numbers of which not one message could be used: its map or its type is wrong."""
-    for topic, times in gathered.times.items():
-        if topic not in media and gathered.undecoded[topic] >= len(times):
-            raise InputError(path, gathered.reasons[topic], expected="fields that its messages have", place=topic)
-
-
-def _undecoded(gathered: _Gathered) -> list[str]:
-    return [
-        f"{topic}: {count} of {len(gathered.times[topic])} messages cannot be used, first: {gathered.reasons[topic]}"
-        for topic, count in gathered.undecoded.items()
-    ]
 
 
 def _wheel(
-    gathered: _Gathered, origin: int, known: Recognised, vehicle: Vehicle | None, pose: Pose | None, path: Path,
+    gathered: Gathered, origin: int, known: Recognised, vehicle: Vehicle | None, pose: Pose | None, path: Path,
     problems: list[str],
 ) -> WheelTable | None:  # fmt: skip
     """Merge the wheels' channels, axes forwards, with the first travel speed that is independent of them, and with the
@@ -284,31 +150,20 @@ def _wheel(
     return _with_attitude(wheel, gathered, origin, known)
 
 
-def _with_attitude(wheel: WheelTable, gathered: _Gathered, origin: int, known: Recognised) -> WheelTable:
+def _with_attitude(wheel: WheelTable, gathered: Gathered, origin: int, known: Recognised) -> WheelTable:
     """Add pitch and roll of the vehicle to each row, where no wheel topic gives them."""
-    times = (np.array([each[0] for each in gathered.attitude], dtype=np.int64) - origin) * 1e-9
-    turns = np.array([each[1:] for each in gathered.attitude])
-    good = np.isfinite(turns).all(axis=1) & (np.linalg.norm(turns, axis=1) > 0.5)
-    mount = None
-    if gathered.attitude_frame and gathered.frames.base:
-        placed = gathered.frames.pose(gathered.attitude_frame, gathered.frames.base)
-        mount = None if placed is None else placed[:3, :3]
-    if not good.any():
-        return wheel
-    pitch, roll = pitch_and_roll(turns[good], mount)
-    if not (np.ptp(pitch) or np.ptp(roll)):
-        return wheel  # an odometry in the plane knows neither
-    order = np.argsort(times[good], kind="stable")
-    added = {
-        name: interpolate(times[good][order], values[order], wheel["time_s"], known.topics.max_gap_s)
-        for name, values in (("pitch_rad", pitch), ("roll_rad", roll))
-        if name not in wheel
-    }
-    return WheelTable({**wheel.columns, **added}, wheel.wheel, wheel.run, wheel.source)
+    found = _attitude(gathered, origin)
+    return wheel if found is None else with_pitch_and_roll(wheel, *found, known.topics.max_gap_s)
+
+
+def _attitude(gathered: Gathered, origin: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Give time [s], pitch and roll [rad], (n,); None where nothing says them, as an odometry in the plane."""
+    time_s, pitch, roll = attitude_of(gathered.attitude, gathered.mount, origin)
+    return (time_s, pitch, roll) if len(time_s) and (np.ptp(pitch) or np.ptp(roll)) else None
 
 
 def _pose(
-    gathered: _Gathered, origin: int, known: Recognised, path: Path, problems: list[str], notes: list[str]
+    gathered: Gathered, origin: int, known: Recognised, path: Path, problems: list[str], notes: list[str]
 ) -> tuple[Pose | None, Origin | None]:
     """Give the poses, and where on Earth their x = y = 0 lies as far as that is known."""
     fixes, stated = gathered.fixes, known.topics.pose
@@ -350,7 +205,7 @@ def _pose(
 
 
 def _camera(
-    bag: BagFile, known: Recognised, samples: dict[str, Any], gathered: _Gathered, origin: int, problems: list[str]
+    bag: BagFile, known: Recognised, samples: dict[str, Any], gathered: Gathered, origin: int, problems: list[str]
 ) -> BagCamera | BagVideo | None:
     camera = known.topics.camera
     if camera is None or not gathered.times.get(camera.topic):
@@ -371,7 +226,7 @@ def _camera(
 
 
 def _sound(
-    bag: BagFile, heard: SoundReader | None, gathered: _Gathered, origin: int, problems: list[str]
+    bag: BagFile, heard: SoundReader | None, gathered: Gathered, origin: int, problems: list[str]
 ) -> BagSound | None:
     if heard is None or not heard.frames:
         return None

@@ -104,6 +104,16 @@ class SoundReader(ABC):
         """Count what the last message leaves; say what is wrong with all of it, if anything."""
         return ""
 
+    def samples(self, time_ns: int, content: Any) -> np.ndarray:
+        """Give the samples of a message as it comes, (m, channels) float32; in place of `count` and `pieces`.
+
+        Raises
+        ------
+        DecodeError
+            It cannot be decoded, or not before those that follow.
+        """
+        raise DecodeError("a coded file that is cut into messages can only be decoded once it is complete")
+
     @abstractmethod
     def pieces(self, messages: Iterable[tuple[int, Any]], places: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         """Give the samples again, (m, channels) float32.
@@ -134,7 +144,7 @@ class PcmReader(SoundReader):
     def count(self, time_ns: int, content: Any) -> None:
         """Count by reading."""
         self.frames.append(0)
-        self.frames[-1] = len(self._samples(time_ns, content))
+        self.frames[-1] = len(self.samples(time_ns, content))
 
     def pieces(self, messages: Iterable[tuple[int, Any]], places: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         """Give each message's samples."""
@@ -142,11 +152,12 @@ class PcmReader(SoundReader):
         again.sample_rate = self.sample_rate
         for place, (time_ns, content) in zip(places.tolist(), messages, strict=False):
             try:
-                yield place, again._samples(time_ns, content)
+                yield place, again.samples(time_ns, content)
             except DecodeError:
                 continue
 
-    def _samples(self, time_ns: int, content: Any) -> np.ndarray:
+    def samples(self, time_ns: int, content: Any) -> np.ndarray:
+        """Give a message's samples."""
         if content is None:
             return np.empty((0, self.channels), np.float32)
         values = field(content, self.source.field)
@@ -212,6 +223,7 @@ class Mp3Reader(SoundReader):
     def __init__(self, source: SoundSource):
         super().__init__(source)
         self._splitter = Mp3Splitter()
+        self._before: list[bytes] = []
 
     def count(self, time_ns: int, content: Any) -> None:
         """Count by the frames' headers."""
@@ -226,6 +238,16 @@ class Mp3Reader(SoundReader):
             self._splitter.lose()
             return []
         return self._splitter.feed(bytes_of(content, self.source.field).tobytes())
+
+    def samples(self, time_ns: int, content: Any) -> np.ndarray:
+        """Decode the frames that end in a message."""
+        found, header = self._frames(content), self._splitter.header
+        if not found or header is None:
+            return np.empty((0, self.channels), np.float32)
+        self.sample_rate, self.channels = header.sample_rate, header.channels
+        before = [] if self._splitter.broken else self._before
+        self._before = [*before, *found][-WARM_UP:]
+        return decode_frames(found, before, header)
 
     def finish(self) -> str:
         """Say that there is no frame, or that this libsndfile does not decode them."""

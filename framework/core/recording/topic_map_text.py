@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..files import toml_string
-from .bags import Decided
-from .mirrored import OF_A_JOINT
+from .bag_gathering import Decided
 from .opened_bag import OpenedBag
 from .recognition import short_type
 from .topic_map import Reading, WheelTopic
@@ -62,7 +61,7 @@ def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
     for name in others:
         lines += _joints(name, opened.samples.content.get(name))
     for source in topics.wheel:
-        lines += _wheel(source, _turned(source, decided))
+        lines += _wheel(decided.signed(source))
     if decided.speed:
         lines += [
             f"# The travel speed is taken from {toml_string(decided.speed)}. To fix that, or to take another:",
@@ -95,21 +94,13 @@ def _joints(topic: str, sample: Any) -> Iterable[str]:
         yield ""
 
 
-def _turned(source: WheelTopic, decided: Decided) -> set[str]:
-    """Channels of a topic whose signs are turned."""
-    mirrored = OF_A_JOINT if source.wheel in decided.mirrored else ()
-    return {"load_N", *mirrored} if source.topic in decided.turned else {*mirrored}
-
-
-def _wheel(source: WheelTopic, turned: set[str]) -> Iterable[str]:
+def _wheel(source: WheelTopic) -> Iterable[str]:
     yield "[[wheel]]"
     yield f"topic = {toml_string(source.topic)}"
     if source.wheel is not None:
         yield f"wheel = {toml_string(source.wheel)}"
     yield "[wheel.fields]"
     for column, reading in source.fields.items():
-        if column in turned:
-            reading = reading.model_copy(update={"scale": -reading.scale})
         remark = f"    # {_REMARKS[column]}" if column in _REMARKS else ""
         yield f"{column} = {_reading(reading)}{remark}"
     yield ""

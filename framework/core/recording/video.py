@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from importlib import import_module
 from typing import Any
@@ -73,7 +74,7 @@ class BagVideo:
     """
 
     def __init__(self, bag: BagFile, topic: str, codec: str, time_ns: np.ndarray, origin_ns: int):
-        self._bag, self._topic, self._codec = bag, topic, codec
+        self._bag, self._topic, self.codec = bag, topic, codec
         self._time_s = ((time_ns - origin_ns) * 1e-9).tolist()
 
     def __len__(self) -> int:
@@ -81,36 +82,73 @@ class BagVideo:
 
     def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
         """Yield every image that is wanted; all are decoded, as each is coded by what changed from those before."""
-        decoder = _Decoder(self._codec)
-        pictures: dict[int, Any] = {}
-        problems: dict[int, str] = {}
-        place = 0
-        for number, data in self._packets(problems):
-            pictures |= decoder.pictures(number, data, problems)
-            last = number - (0 if data is None else _WAITING)
-            while place < len(self) and (place in pictures or place in problems or place <= last):
-                time, picture = self._time_s[place], pictures.pop(place, None)
-                if wanted(time):
-                    problem = problems.pop(place, "it builds on an image that is missing or damaged")
-                    yield self._frame(place, time, picture, problem)
-                place += 1
-
-    def _packets(self, problems: dict[int, str]) -> Iterator[tuple[int, bytes | None]]:
-        """Yield each message's number and data, empty where it cannot be read; at last None."""
-        messages = self._bag.messages({self._topic})
-        for number, message in zip(range(len(self)), messages, strict=False):
-            data = b""
+        images = VideoImages(self._topic, self.codec, wanted)
+        for time_s, message in zip(self._time_s, self._bag.messages({self._topic}), strict=False):
             try:
-                data = bytes_of(decode(message), "data").tobytes()
+                content, problem = decode(message), ""
             except DecodeError as error:
-                problems[number] = str(error)
-            yield number, data
-        yield len(self), None
+                content, problem = None, str(error)
+            yield from images.take(time_s, content, problem)
+        yield from images.end()
 
-    def _frame(self, number: int, time: float, picture: Any, problem: str) -> Frame:
+
+class VideoImages:
+    """Images of the packets of a video, as they can be decoded: a codec may hold some back.
+
+    Parameters
+    ----------
+    topic
+        Name of the topic.
+    codec
+        Of `codec_of`.
+    wanted
+        Called with the time of each [s]; says whether it is given.
+    """
+
+    def __init__(self, topic: str, codec: str, wanted: Wanted = always):
+        self._topic, self._decoder, self._wanted = topic, _Decoder(codec), wanted
+        self._pictures: dict[int, Any] = {}
+        self._problems: dict[int, str] = {}
+        self._times: deque[float] = deque()
+        self._place = 0
+
+    def take(self, time_s: float, content: Any, problem: str = "") -> list[Frame]:
+        """Take a message: its time [s], and what it holds, None with the problem where it cannot be read; give the
+        images that are complete.
+        """
+        number, data = self._place + len(self._times), b""
+        self._times.append(time_s)
+        try:
+            data = b"" if content is None else bytes_of(content, "data").tobytes()
+        except DecodeError as error:
+            problem = str(error)
+        if problem:
+            self._problems[number] = problem
+        self._pictures |= self._decoder.pictures(number, data, self._problems)
+        return self._given(number - _WAITING)
+
+    def end(self) -> list[Frame]:
+        """Give the images that are left."""
+        number = self._place + len(self._times)
+        self._pictures |= self._decoder.pictures(number, None, self._problems)
+        return self._given(number)
+
+    def _given(self, last: int) -> list[Frame]:
+        """Give images up to a number, and those after it that are there."""
+        frames: list[Frame] = []
+        while self._times and (self._place in self._pictures or self._place in self._problems or self._place <= last):
+            picture = self._pictures.pop(self._place, None)
+            problem = self._problems.pop(self._place, "it builds on an image that is missing or damaged")
+            time_s = self._times.popleft()
+            if self._wanted(time_s):
+                frames.append(self._frame(time_s, picture, problem))
+            self._place += 1
+        return frames
+
+    def _frame(self, time_s: float, picture: Any, problem: str) -> Frame:
         if picture is None:
-            return Frame(time, None, f"{self._topic}, image {number}: {problem}")
-        return Frame(time, np.asarray(picture.to_ndarray(format="bgr24"), dtype=np.uint8))
+            return Frame(time_s, None, f"{self._topic}, image {self._place}: {problem}")
+        return Frame(time_s, np.asarray(picture.to_ndarray(format="bgr24"), dtype=np.uint8))
 
 
 class _Decoder:

@@ -318,15 +318,17 @@ def cells_under_wheels(
     """
     if not len(start_s):
         return np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64)
-    fastest = float(np.nanmax(track.speed_m_s, initial=0.0))
-    reach = fastest * float(np.max(end_s - start_s))
-    steps = int(np.clip(np.ceil(4.0 * reach / cell_size_m), 1, _MAX_STEPS))
-    time_s = start_s[:, None] + (end_s - start_s)[:, None] * (np.arange(steps) + 0.5)[None, :] / steps
-    x, y, yaw = track.place_at(time_s)
+    reach = float(np.nanmax(track.speed_m_s, initial=0.0)) * (end_s - start_s)
+    steps = np.clip(np.ceil(4.0 * reach / cell_size_m), 1, _MAX_STEPS).astype(int)
     places = np.array([wheel.position_m for wheel in vehicle.wheels] if vehicle and vehicle.wheels else [(0.0, 0.0)])
-    places = np.unique(places, axis=0)
-    wheel_x, wheel_y = moved(x[..., None], y[..., None], yaw[..., None], places[:, 0], places[:, 1])
-    window = np.broadcast_to(np.arange(len(start_s))[:, None, None], wheel_x.shape)
-    there = np.isfinite(wheel_x) & np.isfinite(wheel_y)
-    rows = np.unique(np.column_stack([window[there], cells_of(wheel_x[there], wheel_y[there], cell_size_m)]), axis=0)
+    places, parts = np.unique(places, axis=0), []
+    for count in np.unique(steps).tolist():  # each window by itself, whatever others it is asked for with
+        window = np.flatnonzero(steps == count)
+        at = (end_s - start_s)[window, None] * (np.arange(count) + 0.5)[None, :] / count
+        x, y, yaw = track.place_at(start_s[window, None] + at)
+        wheel_x, wheel_y = moved(x[..., None], y[..., None], yaw[..., None], places[:, 0], places[:, 1])
+        which = np.broadcast_to(window[:, None, None], wheel_x.shape)
+        there = np.isfinite(wheel_x) & np.isfinite(wheel_y)
+        parts.append(np.column_stack([which[there], cells_of(wheel_x[there], wheel_y[there], cell_size_m)]))
+    rows = np.unique(np.concatenate(parts), axis=0)
     return rows[:, 0], rows[:, 1:]

@@ -1,0 +1,128 @@
+"""A drive whose database, disk, clock, places or senses fail."""
+
+from __future__ import annotations
+
+import sqlite3
+
+import numpy as np
+import pytest
+from bevameter import InputError, LiveTraverse, TerrainDatabase
+from bevameter.database import schema
+from bevameter.framework.live.events import Trouble
+from bevameter.vision.sense import Vision
+from live_drives import begun, rover
+
+
+def test_a_database_that_is_locked_is_written_when_it_is_free(tmp_path, monkeypatch):
+    monkeypatch.setattr(schema, "BUSY_TIMEOUT_S", 0.1)
+    path = tmp_path / "t.db"
+    TerrainDatabase(path).make()
+    live = LiveTraverse(path, rover(), site="field")
+    for time_s in (0.0, 1.0):
+        live.pose(time_s, time_s, 0.0, 0.0)
+    holder = sqlite3.connect(path, isolation_level=None)
+    holder.execute("BEGIN IMMEDIATE")
+    with pytest.raises(InputError, match=f"locked; the drive is kept in {live.journal}"):
+        live.close()
+    assert live.journal.exists()
+    holder.close()
+    live.close()
+    assert not live.journal.exists()
+    with TerrainDatabase(path) as database:
+        assert len(database.drives()) == 1
+
+
+def test_a_full_disk_loses_nothing_that_fits_into_memory(tmp_path, monkeypatch):
+    told = []
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    live.subscribe(told.append)
+    checkpoints, write = live._drive._checkpoints, live._drive.journal.write
+
+    def full(parts, state):
+        raise InputError(live.journal, "database or disk is full")
+
+    live.pose(0.0, 0.0, 0.0, 0.0)
+    checkpoints.take()
+    monkeypatch.setattr(live._drive.journal, "write", full)
+    for time_s in range(1, 4):
+        live.pose(time_s, time_s, 0.0, 0.0)
+        checkpoints.take()
+    assert "all is kept in memory" in live.problems[-1]
+    monkeypatch.setattr(live._drive.journal, "write", write)
+    live.pose(4.0, 4.0, 0.0, 0.0)
+    checkpoints.take()
+    assert live.problems == ()
+    assert live.close().distance_m == pytest.approx(4.0)
+    assert [type(each) for each in told] == [Trouble, Trouble]  # events are told in a thread, which has ended
+    assert told[1].text == "checkpoints are written again"
+
+
+def stamped(tmp_path, stamps) -> tuple[LiveTraverse, float]:
+    """A drive at 1 m/s whose poses have such times; give it, and how far it went."""
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for number, stamp_s in enumerate(stamps):
+        live.pose(stamp_s, 0.1 * number, 0.0, 0.0)
+    return live, live.close().distance_m
+
+
+def test_a_clock_that_is_set_back_costs_nothing(tmp_path):
+    live, way = stamped(tmp_path, [*np.arange(1000.0, 1010.0, 0.1), *np.arange(20.0, 30.0, 0.1)])
+    assert way == pytest.approx(19.9)
+    assert live.problems == ("the clock jumped back by 989.9 s at 1009.9 s; times go on from there",)
+
+
+def test_a_pause_is_no_jump_and_a_wrong_stamp_leaves_no_trace(tmp_path):
+    stamps = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(60.0, 70.0, 0.1)])
+    stamps[[30, 150]] = 1e6, -50.0
+    live, way = stamped(tmp_path, stamps)
+    assert way == pytest.approx(19.9)
+    assert live.problems == ("2 samples with times far from all others were left out",)
+
+
+def test_places_that_no_vehicle_gets_to_are_left_out_and_a_new_place_is_believed(tmp_path):
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for number in range(100):
+        live.pose(0.1 * number, 0.1 * number + (500.0 if number == 40 else 0.0), 0.0, 0.0)
+    assert live.problems == ("1 places were left out, no ground vehicle gets there",)
+    assert live.close().distance_m == pytest.approx(9.9)
+
+
+def test_all_sensors_pause_together_and_lose_nothing(tmp_path):
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for number, stamp_s in enumerate([*np.arange(0.0, 10.0, 0.1), *np.arange(60.0, 60.15, 0.1)]):
+        live.pose(stamp_s, 0.1 * number, 0.0, 0.0)
+        live.wheel(stamp_s, load_N=500.0, slip=0.1)
+        live.wheel(stamp_s + 0.05, load_N=500.0, slip=0.1)
+    assert live.close().distance_m == pytest.approx(10.1)
+    assert live.problems == ()
+
+
+def test_a_camera_that_is_lost_and_back_is_told(live_recording, small_models, tmp_path):
+    live = begun(live_recording, small_models, tmp_path / "t.db")
+    images = iter([frame.image for frame in live_recording.camera.frames(lambda time_s: time_s < 1.0)])
+    said = []
+    for tenth in range(80):
+        live.pose(0.1 * tenth, 0.1 * tenth, 0.0, 0.0)
+        live.wheel(0.1 * tenth, travel_speed_m_s=1.0)
+        if tenth < 10 or tenth >= 60:
+            live.image(0.1 * tenth, next(images, None))
+        said.append(live.trust()["vision"].reasons)
+    live.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
+    lost = [bool(reasons) and reasons[0].startswith("nothing came for") for reasons in said]
+    assert lost == [False] * 20 + [True] * 40 + [False] * 20
+
+
+def test_a_sense_that_fails_stops_nobody(live_recording, small_models, tmp_path, monkeypatch):
+    def observe(self, *given):
+        yield from ()
+        raise RuntimeError("out of order")
+
+    monkeypatch.setattr(Vision, "observe", observe)
+    live = begun(live_recording, small_models, tmp_path / "t.db")
+    image = np.zeros((480, 640, 3), np.uint8)
+    for tenth in range(100):
+        live.pose(0.1 * tenth, 0.1 * tenth, 0.0, 0.0)
+        live.image(0.1 * tenth, image)
+    assert live.problems == ("camera: it observed no more: RuntimeError: out of order",)
+    assert live.trust()["vision"].reasons == ("RuntimeError: out of order",)
+    assert live.close().distance_m == pytest.approx(9.9)
