@@ -33,7 +33,7 @@ from .rerun_parts import (
     write_lens,
     write_vehicle,
 )  # fmt: skip
-from .rerun_stream import Log, check_rerun, is_address, opened
+from .rerun_stream import Log, check_rerun, opened
 
 PERIOD_S = 0.5
 """What is known is written so often [s]."""
@@ -69,8 +69,7 @@ class RerunLive:
     """
 
     def __init__(self, live: LiveTraverse, to: str | Path):
-        if not is_address(to):
-            check_rerun(Path(to))
+        check_rerun(to)
         self._live, self.fault = live, ""
         self._open = ExitStack()
         self._log = self._open.enter_context(opened(to, None))

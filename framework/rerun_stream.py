@@ -28,10 +28,15 @@ def rerun_module() -> Any:
     return import_module("rerun")
 
 
-def check_rerun(path: Path) -> None:
+def is_address(to: str | Path) -> bool:
+    """Say whether it is a viewer's address, and no file."""
+    return isinstance(to, str) and "://" in to
+
+
+def check_rerun(to: str | Path) -> None:
     """Find out before long work whether a file can be written; raises `InputError` where it cannot."""
-    if path.suffix.lower() != ".rrd":
-        raise InputError(path, f"ends with {path.suffix!r}", expected="a name that ends with .rrd")
+    if not is_address(to) and Path(to).suffix.lower() != ".rrd":
+        raise InputError(to, f"ends with {Path(to).suffix!r}", expected="a name that ends with .rrd")
     rerun_module()
 
 
@@ -82,11 +87,6 @@ class Log:
     def path(self, *parts: str) -> str:
         """Join names, whatever they hold, to the path of an entity."""
         return self.rr.new_entity_path(list(parts))
-
-
-def is_address(to: str | Path) -> bool:
-    """Say whether it is a viewer's address, and no file."""
-    return isinstance(to, str) and "://" in to
 
 
 @contextmanager

@@ -17,6 +17,8 @@ from .options import TOPICS, stated_frame
 if TYPE_CHECKING:
     from types import FrameType
 
+    import numpy as np
+
     from ..live.following import Following
     from ..live.live import LiveTraverse
 
@@ -56,6 +58,14 @@ def command(
     resume: Annotated[
         Path | None, typer.Option("--resume", metavar="JOURNAL", help="Go on with a drive that was cut off.")
     ] = None,
+    rerun: Annotated[
+        str | None,
+        typer.Option(
+            "--rerun",
+            metavar="FILE|URL",
+            help="Show the drive in a Rerun viewer (rerun+http://HOST:9876/proxy), or write a .rrd file.",
+        ),
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
 ) -> None:
     """Follow a drive that is being recorded: tell changes of the ground as they come, and store it at its end."""
@@ -65,16 +75,20 @@ def command(
     file = None if mcap == "-" else Path(mcap)
     check_outputs([json], [file, vehicle, topics, resume])
     frame = stated_frame(site, origin, heading, offset)
+    if rerun is not None:
+        from ..rerun_stream import check_rerun
+
+        check_rerun(rerun)
     with status(f"waiting for {mcap}"):
         from ..live.following import Following
 
         following = Following(file, vehicle=vehicle, topics=topics, idle_s=float("inf") if idle is None else idle)
     with status(f"beginning {following.source.path}"):
         live = following.begin(db, models=models, resume=resume, **frame)
-    _follow(following, live, json)
+    _follow(following, live, rerun, json)
 
 
-def _follow(following: Following, live: LiveTraverse, json: Path | None) -> None:
+def _follow(following: Following, live: LiveTraverse, rerun: str | None, json: Path | None) -> None:
     """Hand over the file up to its end, or until Ctrl-C or SIGTERM, and store the drive."""
     from ..core.errors import BevameterError
     from .printing import status, write_json
@@ -86,8 +100,12 @@ def _follow(following: Following, live: LiveTraverse, json: Path | None) -> None
     live.subscribe(lambda event: print_event(event, out))
     try:
         with _stopping(following) as signals:
-            with status(f"following {following.source.path}") as say, _every(lambda: say(status_line(live, following))):
-                following.hand_over(live)
+            with (
+                _shown(live, rerun) as show,
+                status(f"following {following.source.path}") as say,
+                _every(lambda: say(status_line(live, following))),
+            ):
+                following.hand_over(live, show)
             with status("identifying the soil, and storing the drive"):
                 summary = following.close(live)
     except (KeyboardInterrupt, BevameterError):
@@ -101,6 +119,20 @@ def _follow(following: Following, live: LiveTraverse, json: Path | None) -> None
         if not following.is_whole:
             print("warning: `bevameter run` on the whole file would store this part of the drive once more")
         raise typer.Exit(128 + signals[0])
+
+
+@contextmanager
+def _shown(live: LiveTraverse, to: str | None) -> Iterator[Callable[[float, np.ndarray], None] | None]:
+    """Show the drive in the Rerun viewer; give what is called with each image."""
+    if to is None:
+        yield None
+        return
+    from ..rerun_live import RerunLive
+
+    with RerunLive(live, to) as view:
+        yield view.image
+    if view.fault:
+        print(f"warning: {to}: {view.fault}")
 
 
 @contextmanager

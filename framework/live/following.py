@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ...database.store import TerrainDatabase
 from ..core.arguments import path_of
@@ -80,19 +83,27 @@ class Following:
         """Begin the drive; `options` are those of `LiveTraverse.like`. The file waits for senses that are slower."""
         return LiveTraverse.like(self.recording, database, horizon_s=HORIZON_S, lossless=True, **options)
 
-    def hand_over(self, live: LiveTraverse) -> None:
-        """Hand over all messages as they come, up to the end of the file or until `source.stop`."""
+    def hand_over(self, live: LiveTraverse, show: Callable[[float, np.ndarray], None] | None = None) -> None:
+        """Hand over all messages as they come, up to the end of the file or until `source.stop`.
+
+        Parameters
+        ----------
+        live
+            The drive.
+        show
+            Called with each image that could be read, too.
+        """
         increments = self._increments = BagIncrements(self._beginning, live.needed_s)
         held = self._beginning.held[::-1]
         self._beginning.held.clear()
         while held:
             for sample in increments.take(held.pop()):
-                _hand_over(live, sample)
+                _hand_over(live, sample, show)
         for message in self._messages:
             for sample in increments.take(message):
-                _hand_over(live, sample)
+                _hand_over(live, sample, show)
         for sample in increments.end():
-            _hand_over(live, sample)
+            _hand_over(live, sample, show)
 
     def close(self, live: LiveTraverse) -> TraverseSummary:
         """End the drive and store it, so that `run_traverse` finds it again by the file; see `LiveTraverse.close`."""
@@ -102,7 +113,7 @@ class Following:
         return replace(summary, problems=tuple(said))
 
 
-def _hand_over(live: LiveTraverse, sample: Sample) -> None:
+def _hand_over(live: LiveTraverse, sample: Sample, show: Callable[[float, np.ndarray], None] | None) -> None:
     stream, time_s, values = sample
     if time_s < live.needed_s:
         return
@@ -113,6 +124,8 @@ def _hand_over(live: LiveTraverse, sample: Sample) -> None:
     elif stream == "image":
         image, problem = values
         live.image(time_s, image, problem=problem)
+        if show is not None and image is not None:
+            show(time_s, image)
     elif stream == "sound":
         live.sound(time_s, *values)
     else:

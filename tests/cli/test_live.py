@@ -17,6 +17,7 @@ from bevameter import TerrainDatabase
 from bevameter.framework.cli.main import app
 from every_bag import Drive
 from mcap_drive import header, make, write
+from rrd_file import WITHOUT, File
 from typer.testing import CliRunner
 
 VEHICLE = "[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n"
@@ -47,6 +48,17 @@ def test_a_finished_file_is_stored_and_run_knows_it(whole, tmp_path):
     assert len(drives(tmp_path / "t.db")) == 1
 
 
+def test_a_drive_is_shown_in_the_rerun_viewer(whole, tmp_path):
+    pytest.importorskip("rerun.chunk", reason=WITHOUT)
+    options = ["--db", str(tmp_path / "t.db"), "--rerun", str(tmp_path / "d.rrd")]
+    result = CliRunner().invoke(app, ["live", "--mcap", str(whole), *options])
+    assert result.exit_code == 0, result.output
+    rows = File(tmp_path / "d.rrd").rows
+    shown_s = max(time for time, _ in rows["/world/vehicle"] if time is not None)
+    assert shown_s > 3.9 - 1.0 - 0.2  # all but what waits for earlier samples, and the last step
+    assert rows["/camera/image"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -55,6 +67,7 @@ def test_a_finished_file_is_stored_and_run_knows_it(whole, tmp_path):
         (["--mcap", "other.mcap", "--idle", "0.1"], "other.mcap: .*damaged"),
         (["--mcap", "drive.mcap", "--resume", "nowhere"], "nowhere: no such file"),
         (["--mcap", "drive.mcap", "--heading", "3"], "--heading"),
+        (["--mcap", "drive.mcap", "--rerun", "d.txt"], "d.txt: .*a name that ends with .rrd"),
     ],
 )
 def test_bad_input_is_one_line(whole, arguments, said, tmp_path, monkeypatch):
