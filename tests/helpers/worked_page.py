@@ -24,7 +24,8 @@ def work_through(page: Path, folder: Path) -> None:
 
     A block `console` has commands after ``$ `` and what they print, in which ``...`` stands for anything; a command
     that fails prints a line ``bevameter: ``. A block `toml` whose first line is a remark with a name is written to
-    that file, or at its end; so is a block `text` below a line that ends in a name and a colon. Blocks `python` share their names; a block `text` after one is what it prints.
+    that file, or at its end; so is a block `text` below a line that ends in a name and a colon. Blocks `python` share
+    their names; a block `text` after one is what it prints.
     """
     names: dict[str, object] = {}
     printed = None
