@@ -10,6 +10,7 @@ import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -204,9 +205,11 @@ def with_mismatch(about: Mapping[str, Any], soil: SoilAlong, drive: Drive) -> Ma
     if not classes:
         return about
     by_class = "" if of_real_ground(drive.models.values()) else f" --db {shlex.quote(about['database'])}"
+    described = (Path(about["source"]) / "vehicle.toml").is_file()
+    options = "" if described else ", with the --vehicle and --topics of this run,"
     text = (
         f"the simulation lacks something on {', '.join(sorted(classes))}: "
-        f"`bevameter explain {shlex.quote(about['source'])}{by_class}` says what"
+        f"`bevameter explain {shlex.quote(about['source'])}{by_class}`{options} says what"
     )
     return {**about, "warnings": (*about["warnings"], text)}
 

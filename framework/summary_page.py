@@ -86,6 +86,8 @@ def _map(summary: TraverseSummary, recording: Recording) -> str:
     if not summary.cells:
         return ""
     with TerrainDatabase(summary.database, must_exist=True) as database:
+        if not len(database.snapshot(summary.site).cells.key):
+            return "<h2>Map</h2><p>There is no map: no ground of the site was seen.</p>"
         drawn = map_figure(database, site=summary.site, tracks=[recording])
     data = BytesIO()
     drawn.savefig(data, format="png", dpi=110, metadata={"Software": None})

@@ -56,7 +56,7 @@ def soil_lines(soils: Sequence[LearntSoil]) -> list[str]:
         stretches = "1 stretch is" if nameless == 1 else f"{nameless} stretches are"
         lines.append(
             f"the soil of {stretches} in no query: no class is probable enough there. Photographs of this ground mend "
-            "that: `bevameter train vision PHOTOS`"
+            "that: `bevameter train vision PHOTOS --out MODELS/vision.skops`, then `bevameter run` with --models MODELS"
         )
     return lines + [
         f"to learn more: {advice}" for advice in dict.fromkeys(soil.advice for soil in soils if soil.advice)
@@ -117,6 +117,8 @@ def _width(soil: LearntSoil) -> float:
 def _sense_line(sense: SenseSummary) -> str:
     if sense.absent:
         return f"{sense.sense}: {sense.absent}"
+    if not sense.items:
+        return f"{sense.sense}: nothing of the ground was observed with it"
     closed = f"; not trusted: {_most(sense.closed)}" if sense.closed else ""
     return f"{sense.sense}: {100 * sense.trusted_share:.1f} % of {sense.items} looks trusted{closed}"
 

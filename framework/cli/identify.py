@@ -52,6 +52,7 @@ def command(
     from ...identification.estimate.report import identification_json
     from ..core.errors import InputError
     from ..core.files import check_outputs
+    from ..core.findings import codes
     from ..core.recording.readers import read_recording
     from ..core.soil import load_soil
     from ..part import part_of
@@ -80,7 +81,10 @@ def command(
     if json is not None:
         write_json(identification_json(result), json)
     print_identification(result)
+    given = {"--vehicle": vehicle, "--topics": topics}
+    options = "".join(f" {name} {quote(str(each))}" for name, each in given.items() if each is not None)
+    estimates = [result.overall, *result.by_soil.values()]
     if not any(segment.used for segment in result.segments):
-        given = {"--vehicle": vehicle, "--topics": topics}
-        options = "".join(f" {name} {quote(str(each))}" for name, each in given.items() if each is not None)
         print(f"next: bevameter inspect {quote(str(recording))}{options} says what is missing, and what mends it")
+    elif any("wrong_form" in codes(each.findings) for each in estimates if each is not None):
+        print(f"next: bevameter explain {quote(str(recording))}{options} says what the simulated wheel lacks")

@@ -85,7 +85,8 @@ def _print_written(found: Inspection, written: Sequence[Path], vehicle: Path | N
         print("nothing to write: vehicle and map are there")
         return
     paths = {path.name: path for path in written}
-    options = {"--topics": paths.get(found.contents.map_name, topics), "--vehicle": paths.get("vehicle.toml", vehicle)}
+    map_option = "--columns" if found.contents.map_name == "columns.toml" else "--topics"
+    options = {map_option: paths.get(found.contents.map_name, topics), "--vehicle": paths.get("vehicle.toml", vehicle)}
     said = [part for name, path in options.items() if path is not None for part in (name, str(path))]
     print(f"wrote {', '.join(map(str, written))}: what is to be measured stands there in comments")
     print("then: " + shlex.join(["bevameter", "inspect", str(found.source), *said]))

@@ -167,10 +167,13 @@ def print_places(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: f
 
 def print_classes(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: float) -> None:
     """Print the answers of `bevameter query` for classes (`database.exports.class_rows`)."""
-    texts = [[row["class"], str(row["cells"]), str(row["observations"]), *_strength(row)] for row in rows]
+    seen = [row for row in rows if row["cells"] or row["observations"]] or rows
+    texts = [[row["class"], str(row["cells"]), str(row["observations"]), *_strength(row)] for row in seen]
     headers = ["class", "cells", "stretches", *_STRENGTH]
     print_table(headers, texts, empty="unknown: no class was recognised yet")
-    _print_notes(rows, stress_Pa, confidence)
+    _print_notes(seen, stress_Pa, confidence)
+    if unseen := [row["class"] for row in rows if row not in seen]:
+        print(f"not seen yet: {', '.join(unseen)}")
 
 
 _STRENGTH = ("c [kPa]", "phi [deg]", "strength [kPa]", "lower [kPa]")

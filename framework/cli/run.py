@@ -111,17 +111,20 @@ def _run_one(
         summary = run_traverse(drive, db, models=models, progress=progress, **frame)
     if json is not None:
         write_json(summary.as_dict(), json)
-    if report is not None:
-        from ..summary_page import write_report
+    try:
+        if report is not None:
+            from ..summary_page import write_report
 
-        with status(f"drawing {report}"):
-            write_report(summary, drive, report)
-    if rerun is not None:
-        from ..rerun_log import write_rerun
+            with status(f"drawing {report}"):
+                write_report(summary, drive, report)
+        if rerun is not None:
+            from ..rerun_log import write_rerun
 
-        with status(f"writing {rerun}"):
-            write_rerun(summary, drive, rerun, models=models)
-    print_summary(summary)
+            with status(f"writing {rerun}"):
+                write_rerun(summary, drive, rerun, models=models)
+    finally:
+        # What was stored is said, too, where a file could not be written.
+        print_summary(summary)
 
 
 def _run_several(

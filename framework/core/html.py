@@ -20,6 +20,10 @@ figure img{max-width:100%;height:auto}figcaption{color:#555;font-size:.93em}
 h2,h3{break-after:avoid}.wide table{font-size:8.5pt}.wide td,.wide th{padding:.1rem .3rem}}"""
 
 
+_SYMBOLS = {"c", "i", "k", "n", "phi", "z"}
+"""Symbols at the beginning of a sentence keep their letter, and so do names of files, channels and models."""
+
+
 def page(title: str, body: str) -> str:
     """Give the whole page; `body` is HTML, `title` text."""
     return (
@@ -56,8 +60,10 @@ def unbroken(text: str) -> str:
 
 
 def marked(text: str) -> str:
-    """Escape a sentence; what stands between backticks is a command."""
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", unbroken(text[:1].upper() + text[1:]))
+    """Escape a sentence and begin it with a capital; what stands between backticks is a command."""
+    first = re.split(r"[\s:,;]", text, maxsplit=1)[0]
+    begun = text[:1].upper() + text[1:] if first.isalpha() and first not in _SYMBOLS else text
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", unbroken(begun))
 
 
 def picture(data: bytes, kind: str, description: str) -> str:

@@ -76,6 +76,10 @@ class Wheel(FileModel):
         return height_m
 
 
+_WIDEST_RAD = math.radians(160.0)
+"""No lens of a greater field of view is a pinhole. A matrix that nobody filled in, such as the unit matrix, has one."""
+
+
 class Camera(FileModel):
     """A pinhole camera that looks ahead and down at flat ground.
 
@@ -94,6 +98,17 @@ class Camera(FileModel):
     distortion: Annotated[tuple[Finite, ...], AfterValidator(_coefficients)] = ()
     exposure_s: Positive | None = None
     """Exposure time [s], if known: motion blur is travel speed times exposure."""
+
+    @model_validator(mode="after")
+    def _a_lens(self) -> Camera:
+        for axis, size_px in enumerate((self.width_px, self.height_px)):
+            focal_px = self.matrix[axis][axis]
+            if focal_px < 0.5 * size_px / math.tan(0.5 * _WIDEST_RAD):
+                raise ValueError(
+                    f"a focal length of {focal_px:g} px for {size_px} px: expected a field of view of at most "
+                    f"{math.degrees(_WIDEST_RAD):.0f} deg"
+                )
+        return self
 
     @property
     def intrinsics(self) -> np.ndarray:

@@ -52,6 +52,8 @@ def classes(site: Site, shared: Shared, drive: str) -> str:
     soils = [soil for drive in site.drives for soil in drive.soils]
     for row in rows:
         name = row["class"]
+        if name not in history and not row["cells"]:
+            continue  # a class that a model knows and no drive has seen
         body.append(f"<h2 id='{escape(name)}'>{escape(name)}</h2>")
         if name not in history:
             body.append(
@@ -178,7 +180,7 @@ def _stretches(drive: Drive) -> str:
         else:
             c = interval(estimate.parameters["c_Pa"], 1e-3, "")
             phi = interval(estimate.parameters["phi_rad"], math.degrees(1.0), "")
-            why = "" if name is not None else "counts for no class"
+            why = "" if name is not None else "no class is probable enough"
         rows.append((f"{soil.start_s:.1f} to {soil.end_s:.1f} s", ground, c, phi, why))
     return "<h3>Soil by the wheels</h3>" + table(
         ("stretch", "ground", "c [kPa] (95 %)", "phi [deg] (95 %)", "why it is not used"), rows, text_columns=(0, 1, 4)

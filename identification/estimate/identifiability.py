@@ -171,12 +171,12 @@ def _vary_load(load: np.ndarray) -> str:
         return "measure the load and vary it by half of its mean or more"
     low, high = np.nanpercentile(load, [5.0, 95.0])
     if high - low >= _ENOUGH * float(np.nanmean(load)):
-        return f"measure longer, for the load varies enough ({low:.0f} to {high:.0f} N)"
+        return f"record more rows, for the load varies enough ({low:.0f} to {high:.0f} N)"
     return f"vary the load by half of its mean or more (now {low:.0f} to {high:.0f} N)"
 
 
 def _vary_slip(low: float, high: float) -> str:
     """Say which slips show how shear stress builds up, where these do not span them."""
     if low <= _LOW_SLIP and high >= _HIGH_SLIP:
-        return f"measure longer, for slip varies enough ({low:.2f} to {high:.2f})"
+        return f"record more rows, for slip varies enough ({low:.2f} to {high:.2f})"
     return f"measure at slips from {_LOW_SLIP:g} to {_HIGH_SLIP:g}, too (now {low:.2f} to {high:.2f})"

@@ -10,6 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ...framework.core.files import write_text
+from ...framework.core.findings import codes
 from ...framework.core.html import bullets, figure, marked, page, table, unbroken
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
@@ -64,9 +65,18 @@ def _answer(name: str, found: SoilEstimate) -> str:
     of = f"{name}: " if name else ""
     advice = f"<p>{marked(found.advice)}.</p>" if found.advice else ""
     return (
-        f"<p class=verdict>{unbroken(f'{of}cohesion c {c}, friction angle phi {phi}')}</p>"
+        f"<p class=verdict>{unbroken(f'{of}cohesion c {c}, friction angle phi {phi}')}</p>{_warnings(found)}"
         f"<p>From {found.n} rows of {escape(', '.join(found.channels))}; in brackets 95 % intervals.</p>{advice}"
     )
+
+
+def _warnings(found: SoilEstimate) -> str:
+    """Say what limits the answer, where it is read; `explain` names what a wrong form lacks."""
+    serious = [finding for finding in found.findings if finding.severity == "warning"]
+    said = list(sentences(serious))
+    if "wrong_form" in codes(serious):
+        said.append("`bevameter explain` on this recording says what the simulated wheel lacks")
+    return "".join(f"<p class=warn>{marked(text)}.</p>" for text in said)
 
 
 def _pictures(recording: Recording, result: Identification, soil: SoilKnowledge | None) -> str:
@@ -94,7 +104,7 @@ def _tables(name: str, found: SoilEstimate) -> str:
 def _findings(result: Identification, estimates: Iterable[SoilEstimate]) -> str:
     said = list(sentences(result.findings))
     for each in estimates:
-        said += sentences(each.findings)
+        said += sentences(finding for finding in each.findings if finding.severity != "warning")
     return f"<h2>What to know of it</h2>{bullets(dict.fromkeys(said))}" if said else ""
 
 

@@ -106,7 +106,7 @@ def channels_figure(recording: Recording, result: Identification) -> Figure | No
     if not drawn:
         return None
     channels = [index for index in _ANSWERS if any(np.isfinite(each.measured[:, index]).any() for each in drawn)]
-    figure = Figure(figsize=(4.2 * len(channels), 2.6 * len(drawn)), layout="constrained")
+    figure = Figure(figsize=(3.1 * len(channels), 2.6 * len(drawn)), layout="constrained")
     grid = figure.subplots(len(drawn), len(channels), squeeze=False)
     for panels, each in zip(grid, drawn, strict=True):
         for panel, index in zip(panels, channels, strict=True):

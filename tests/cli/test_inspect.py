@@ -46,7 +46,7 @@ def test_files_are_written_and_not_over_others(table, tmp_path):
     assert result.exit_code == 0, result.output
     assert (tmp_path / "columns.toml").is_file()
     vehicle = tmp_path / "vehicle.toml"
-    assert "bevameter inspect" in result.stdout.splitlines()[-1]
+    assert "--columns " in result.stdout.splitlines()[-1]
     refused = run(table)
     assert refused.exit_code == 2
     assert "vehicle.toml, key wheel.radius_m" in refused.stderr

@@ -91,3 +91,12 @@ def test_classes_without_soil_are_named_in_one_line(capsys):
     rows = [{**row, "class": name, "unknown": f"no soil data for class {name}"} for name in ("clay", "grass")]
     print_classes(rows, 20e3, 0.95)
     assert capsys.readouterr().out.splitlines()[-1] == "unknown: no soil data for class clay, grass"
+
+
+def test_classes_that_no_drive_has_seen_are_named_below_the_others(capsys):
+    row = {"known": False, "observations": 0}
+    rows = [{**row, "class": name, "cells": cells, "unknown": name} for name, cells in (("clay", 0), ("grass", 3))]
+    print_classes(rows, 20e3, 0.95)
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[-2:] == ["unknown: grass", "not seen yet: clay"]
+    assert [line.split()[0] for line in printed[1:-2]] == ["grass"]

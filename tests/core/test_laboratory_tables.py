@@ -296,7 +296,9 @@ def test_what_is_in_doubt_or_no_table_is_refused(content, says, write):
 
 def test_columns_near_to_a_channel_have_a_hint(write):
     _, problems, _ = read_wheel(write("Time [s],Fz [N],rut_depth_m\n0,1,0.3\n1,2,0.3\n"))
-    assert any("rut_depth_m: not used; sinkage_m, of the wheel's lowest point" in problem for problem in problems)
+    assert any(
+        "rut_depth_m: not used; expected sinkage_m, of the wheel's lowest point" in problem for problem in problems
+    )
 
 
 def test_a_table_in_si_takes_no_letter_for_a_channel(write):

@@ -187,6 +187,17 @@ def test_the_frame_of_foxglove_images_is_their_own(driven):
     assert vehicle.camera.pitch_rad == pytest.approx(bag.optical[2])
 
 
+def test_an_intrinsic_matrix_that_nobody_filled_in_is_not_used(driven):
+    bag, frames = RobotBag(driven), Frames()
+    frames.add(bag.transforms())
+    info = "/camera/image_rect/camera_info"
+    topics = {info: Topic(info, "sensor_msgs/msg/CameraInfo", "cdr", "")}
+    samples = {info: bag.camera_info(0.0), "/camera/image_rect": {"frame_id": "camera_optical"}}
+    vehicle, (said,) = with_camera(None, "/camera/image_rect", topics, samples, frames)  # its P is the unit matrix
+    assert vehicle is None
+    assert "a focal length of 1 px for 640 px" in said
+
+
 def test_fixes_are_places_where_nothing_else_is(driven, tmp_path):
     topics = tmp_path / "topics.toml"
     topics.write_text('[pose]\ntopic = "/fix"\norigin = [47.0707, 15.4395]\n')

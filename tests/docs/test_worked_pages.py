@@ -96,6 +96,8 @@ def test_my_bag(short, sand_images, two_bags, tmp_path):
 @pytest.mark.end_to_end
 def test_my_table(laboratory, tmp_path):
     work_through(DOCS / "howto" / "testbed.md", copied(laboratory, tmp_path))
+    page = (tmp_path / "soil.html").read_text(encoding="utf-8")
+    assert page.index("form does not hold: it misses") < page.index("<figure>")
 
 
 @pytest.mark.end_to_end

@@ -153,6 +153,13 @@ def test_the_report_is_one_page_of_what_the_summary_says(world, tmp_path):
         assert "bevameter query classes" in page
 
 
+def test_the_report_of_a_drive_without_any_ground_has_no_map(world, tmp_path):
+    driven = recording(camera=None, sound=None)
+    summary = run_traverse(driven, tmp_path / "t.db", models=Models({}, {}, ()))
+    write_report(summary, driven, tmp_path / "run.html")
+    assert "There is no map" in (tmp_path / "run.html").read_text()
+
+
 def test_gaps_of_the_poses_are_left_off_the_map_and_reported(world, tmp_path):
     t = np.concatenate([np.arange(0.0, 25.0, 0.1), np.arange(35.0, 40.0, 0.1)])
     holed = recording(pose=Pose(t, t, np.zeros_like(t), np.zeros_like(t)))
@@ -210,7 +217,9 @@ def test_where_the_simulation_lacks_something_a_run_names_the_class_and_the_comm
         assert "on sand: `bevameter explain drive --db" in summary.warnings[-1]
     weak = {**MODELS.classifiers, "vision": SimpleNamespace(version=shipped_model("vision-real").version, settings={})}
     summary = run_traverse(recording(), tmp_path / "w.db", models=Models(weak, MODELS.origins))  # pyright: ignore
-    assert "on sand: `bevameter explain drive` says" in summary.warnings[-1]  # classes are too doubtful to store by
+    assert (
+        "on sand: `bevameter explain drive`, with the --vehicle and" in summary.warnings[-1]
+    )  # classes are too doubtful to store by
 
 
 def test_a_second_run_adds_nothing(world, tmp_path):

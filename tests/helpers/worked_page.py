@@ -12,7 +12,7 @@ import pytest
 from bevameter.framework.cli.main import app
 from typer.testing import CliRunner
 
-_BLOCK = re.compile(r"^```(console|python|text|toml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_BLOCK = re.compile(r"(?:`([\w./-]+)`:\n\n)?^```(console|python|text|toml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _FILE = re.compile(r"# ([\w./-]+)(, at the end)?\n")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _RELATIVE = 0.05
@@ -23,13 +23,14 @@ def work_through(page: Path, folder: Path) -> None:
     """Do what a page says, in the folder where the reader's files are.
 
     A block `console` has commands after ``$ `` and what they print, in which ``...`` stands for anything; a command
-    that fails prints a line ``bevameter: ``. A block `toml` or `text` whose first line is a remark with a name is
-    written to that file, or at its end. Blocks `python` share their names; a block `text` after one is what it prints.
+    that fails prints a line ``bevameter: ``. A block `toml` whose first line is a remark with a name is written to
+    that file, or at its end; so is a block `text` below a line that ends in a name and a colon. Blocks `python` share
+    their names; a block `text` after one is what it prints.
     """
     names: dict[str, object] = {}
     printed = None
     with contextlib.chdir(folder):
-        for kind, text in _BLOCK.findall(page.read_text(encoding="utf-8")):
+        for above, kind, text in _BLOCK.findall(page.read_text(encoding="utf-8")):
             if kind == "console":
                 for part in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
                     command, _, shown = part.partition("\n")
@@ -38,6 +39,8 @@ def work_through(page: Path, folder: Path) -> None:
                 with contextlib.redirect_stdout(io.StringIO()) as out:
                     exec(compile(text, str(page), "exec"), names)
                 printed = out.getvalue()
+            elif kind == "text" and above:
+                Path(above).write_text(text, encoding="utf-8")
             elif name := _FILE.match(text):
                 with Path(name[1]).open("a" if name[2] else "w", encoding="utf-8") as file:
                     file.write(text[name.end() :])

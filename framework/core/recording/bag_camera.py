@@ -53,7 +53,9 @@ def camera_of(info: Any, frame: str, frames: Frames, mount: CameraMount | None, 
         )
     except ValidationError as error:
         fault = error.errors()[0]
-        raise DecodeError(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}") from None
+        said = fault["msg"].removeprefix("Value error, ")
+        where = "".join(f"{part}: " for part in fault["loc"])
+        raise DecodeError(f"{where}{said}; state [camera] with matrix in vehicle.toml") from None
 
 
 def _matrix(info: Any, rectified: bool) -> np.ndarray:

@@ -68,7 +68,7 @@ def not_used(
     none = f"; there is no {', '.join(missing)}" if missing else ""
     said = [f"{table.source.name}: columns not used: {_listed(others)}{none}{_may_be(missing, others, given)}"]
     said += [f"{table.source.name}: {OF_JOINTS.format(table.source)}"] if any(map(of_a_joint, others)) else []
-    near = [f"{table.source.name}, column {name}: not used; {text}" for name, text in hints(others).items()]
+    near = [f"{table.source.name}, column {name}: not used; expected {text}" for name, text in hints(others).items()]
     return [*said, *near, *left_out]
 
 
