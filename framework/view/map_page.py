@@ -82,6 +82,16 @@ class MapPage:
         self.whole_site()
         self.update()
         self._show_details()
+        if self.shared.recordings.is_searching:
+            self._looking = document.add_periodic_callback(self.show_found, _LOOKING_MS)
+
+    def show_found(self) -> None:
+        """Show what was found of the drives' recordings since the page was opened; the last time when all was."""
+        is_last = not self.shared.recordings.is_searching
+        self._show_drives()
+        if is_last:
+            self.document.remove_periodic_callback(self._looking)
+            self._show_details()
 
     def update(self) -> None:
         """Compute the layer anew, and draw it."""
@@ -251,6 +261,9 @@ def _scaled(view: View, factor: float) -> View:
     x0, y0, x1, y1 = view
     return factor * x0, factor * y0, factor * x1, factor * y1
 
+
+_LOOKING_MS = 1000
+"""While recordings are looked for, the page shows so often what was found."""
 
 _NOTHING_SELECTED = (
     "<h2>No cell selected</h2><p>Click a cell, or press an arrow key while the map has the focus. Then the classes, "

@@ -46,6 +46,11 @@ class Recordings:
         self._found: dict[str, Recording] = {}
         self._searching = False
 
+    @property
+    def is_searching(self) -> bool:
+        """Whether more may be found."""
+        return self._searching
+
     def of(self, digest: str) -> Recording | None:
         """Give the recording of a digest; None where it has not been found."""
         return self._found.get(digest)

@@ -22,11 +22,13 @@ from bevameter.database.observations import Drive, SoilObservation, TerrainObser
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.soil import Quantity
 from bevameter.framework.view.explanations import explanations
+from bevameter.framework.view.map_page import MapPage
 from bevameter.framework.view.pages import PAGE_BODIES
 from bevameter.framework.view.recordings import Recordings, frame_jpeg, sound_wav
 from bevameter.framework.view.server import Shared
 from bevameter.framework.view.site import Site
 from bevameter.identification.effects.stored import AugmentedSimulator
+from bokeh.document import Document
 from slow_drive import VEHICLE, drive
 
 RATE = 8000
@@ -89,6 +91,27 @@ def stored(path, digest: str, class_soil: SoilObservation) -> TerrainDatabase:
     )
     database.add_physics("sand", PHYSICS, source="quarry drive")
     return database
+
+
+def test_tracks_appear_on_an_open_page_when_their_recordings_are_found(folder, tmp_path):
+    place = folder / "monday" / "quarry drive"
+    (place / "pose.csv").write_text("time_s,x_m,y_m,yaw_rad\n0,0,0,0\n10,5,0,0\n20,10,0,0\n")
+    recording = read_recording(place)
+    soil = SoilObservation(2.0, 12.0, math.nan, math.nan, {"sand": 0.97}, estimate(), (5e3, 3e4), 110.0)
+    recordings = Recordings(folder)
+    recordings._searching = True
+    with stored(tmp_path / "terrain.db", recording.digest, soil) as database:
+        site = Site.read(database, database.reader("quarry"))
+        page, document = MapPage(site, Shared(database, recordings)), Document()
+        page.add_to(document)
+        page.show_found()
+        assert page.map._tracks.data["xs"] == []
+        assert len(document.session_callbacks) == 1
+        recordings.search(frozenset({recording.digest}))
+        page.show_found()
+    (x_m,) = page.map._tracks.data["xs"]
+    assert (x_m[0], x_m[-1]) == (0.0, 10.0)
+    assert document.session_callbacks == [], "nothing more is looked for"
 
 
 def test_what_is_missing_in_words_and_curves(folder, tmp_path):
