@@ -108,7 +108,8 @@ def test_classes_in_every_format(stored):
     assert classes["grass"]["unknown"] == "no soil data for class grass"
     rows = list(csv.DictReader(io.StringIO(said("query", "classes", "--db", stored, "--format", "csv"))))
     assert {row["class"] for row in rows} == set(classes)
-    assert "no soil data for class grass" in said("query", "classes", "--db", stored)
+    (unknown,) = [line for line in said("query", "classes", "--db", stored).splitlines() if line.startswith("unknown")]
+    assert unknown == "unknown: no soil data for class clay, grass"
     assert json.loads(said("query", "class", "sand", "--db", stored, "--format", "json"))["classes"] == [
         classes["sand"]
     ]
@@ -118,9 +119,11 @@ def test_classes_in_every_format(stored):
 
 def test_a_table_of_classes_fits_a_terminal_of_80_columns(stored):
     lines = said("query", "classes", "--db", stored).splitlines()
-    table = [line.rstrip() for line in lines if not line.startswith(("±", "unknown"))]
-    assert len(table) == 7  # six classes under their heading, one line each
+    table = [line.rstrip() for line in lines if not line.startswith(("±", "unknown", "not seen"))]
+    assert [line.split()[0] for line in table] == ["class", "clay", "grass", "loam", "sand"]  # one line each
     assert max(map(len, table)) <= 80
+    (unseen,) = [line for line in lines if line.startswith("not seen")]
+    assert unseen == "not seen yet: asphalt, gravel"
 
 
 def test_a_known_drive_is_not_processed_again(short_drive, stored, small_models, tmp_path, monkeypatch):
