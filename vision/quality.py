@@ -24,6 +24,9 @@ BLUR_QUALITY = 0.3
 RESOLVED_PX = (40.0, 12.0)
 """Pixels of the image across a patch, likewise [px]."""
 
+_COSTS = 0.8
+"""A fault is named where it leaves less than this [-]."""
+
 
 def sharpness(features: np.ndarray) -> np.ndarray:
     """Give the log ratio of fine detail in the most blurred direction to coarse detail, (n,), of features (n, d)."""
@@ -73,6 +76,12 @@ def light(patches: np.ndarray) -> np.ndarray:
     return np.column_stack([clipped, level.mean(axis=1), level.std(axis=1)])
 
 
+def well_lit(patches: np.ndarray) -> np.ndarray:
+    """Say of patches (n, s, s, 3) whether neither light nor texture costs a fifth of the quality, (n,)."""
+    kept = [_ramp(column, *ends) for column, ends in zip(light(patches).T, (CLIPPED, DARK, FLAT), strict=True)]
+    return np.asarray((np.stack(kept) >= _COSTS).all(axis=0))
+
+
 def rated(
     lights: np.ndarray,
     features: np.ndarray,
@@ -120,8 +129,8 @@ def rated(
     kept = np.stack([share for _, share in faults], axis=1)
     names = [name for name, _ in faults]
     reasons: list[tuple[str, ...]] = [()] * len(lights)
-    for index in np.flatnonzero((kept < 0.8).any(axis=1)):
-        reasons[index] = tuple(name for name, share in zip(names, kept[index], strict=True) if share < 0.8)
+    for index in np.flatnonzero((kept < _COSTS).any(axis=1)):
+        reasons[index] = tuple(name for name, share in zip(names, kept[index], strict=True) if share < _COSTS)
     return kept.prod(axis=1), reasons
 
 

@@ -29,6 +29,7 @@ from . import (
     inspect,
     live,
     models,
+    photographs,
     query,
     run,
     scenario,
@@ -146,6 +147,7 @@ app.command("view", help="Show the terrain database in a browser on this machine
 app.command("identify", help="Soil parameters from the wheel channels of a recording.")(identify.command)
 app.command("explain", help="What the simulation of a recorded wheel lacks.")(explain.command)
 app.command("simulate", help="Simulate the wheel on a soil.")(simulate.command)
+app.command("photographs", help="Photographs of known ground from a drive, to train from.")(photographs.command)
 app.command("train", help="Train a classifier from labelled files.")(train.command)
 app.command("classify", help="Classify files with a trained model.")(classify.command)
 app.command("models", help="The models that come with the package.")(models.command)
