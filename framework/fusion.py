@@ -1,4 +1,4 @@
-"""Camera and microphone evidence fused into one belief over classes for each cell of the ground.
+"""Evidence of camera, microphone and vibration fused into one belief over classes for each cell of the ground.
 
 How the evidence is put together, for one cell:
 
@@ -16,7 +16,7 @@ How the evidence is put together, for one cell:
    classes the sense knows is left as it was (Jeffrey's rule). It is not set to zero.
    Before any vote a class has the weight of the best sense here that knows it; so where one sense alone is open its
    own verdict comes out, over its own classes.
-4. **Contradiction**: where both senses are sharp and name different classes that both know, one of them is wrong
+4. **Contradiction**: where two senses are sharp and name different classes that both know, one of them is wrong
    although its gates were open. The belief's quality is lowered by the product of their sharpnesses.
 
 Evidence is summed up as it arrives, so memory grows with the ground covered, not with the length of the recording.

@@ -36,6 +36,7 @@ def print_report(report: dict[str, Any], model: str) -> None:
     model
         Where the model was written.
     """
+    from ..core.classifier.report import of_the_gate
 
     def interval(score: dict[str, float]) -> str:
         return f"{score['value']:.3f} ({score['low']:.3f} to {score['high']:.3f})"
@@ -58,16 +59,23 @@ def print_report(report: dict[str, Any], model: str) -> None:
         )  # fmt: skip
         rows = zip(report["classes"], report["confusion"], strict=True)
         print_table(["truth \\ said", *report["classes"]], [[name, *map(str, counts)] for name, counts in rows])
-        print_line(report["split"])
+        print_line(f"{report['split']} {of_the_gate(report)}")
     for warning in report["warnings"]:
         print_line(f"[yellow]{escape(warning)}[/yellow]")
 
 
 def print_classified(rows: Sequence[dict[str, Any]]) -> None:
-    """Print the class of each file and window, or why there is none."""
+    """Print the class of each file and window, or why there is none; reasons of one kind are one, without numbers."""
+    from ..sense_map import kind_of_reason
 
     def seconds(value: float | None) -> str:
         return "" if value is None else f"{value:.2f}"
+
+    def why(reasons: Sequence[str]) -> str:
+        kinds: dict[str, list[str]] = {}
+        for reason in reasons:
+            kinds.setdefault(kind_of_reason(reason), []).append(reason)
+        return ", ".join(alike[0] if len(alike) == 1 else kind for kind, alike in kinds.items())
 
     print_table(
         ["file", "from s", "to s", "class", "probability", "quality", "why not"],
@@ -75,7 +83,7 @@ def print_classified(rows: Sequence[dict[str, Any]]) -> None:
             [
                 str(row["file"]), seconds(row.get("start_s")), seconds(row.get("end_s")), row["class"],
                 "" if row["unknown"] else f"{row['probabilities'][row['class']]:.2f}", f"{row['quality']:.2f}",
-                ", ".join(row["reasons"]),
+                why(row["reasons"]),
             ]
             for row in rows
         ],

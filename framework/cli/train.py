@@ -32,7 +32,7 @@ def command(
         typer.Option(
             "--report",
             help="Write the report as an HTML page, with the worst mistakes and what more data would bring; "
-            "training then takes about twice as long.",
+            "training takes up to twice as long then.",
         ),
     ] = None,
     backbone: Annotated[

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter.framework.cli.main import app
+from bevameter.framework.cli.results import print_classified
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from typer.testing import CliRunner
 
@@ -43,3 +44,12 @@ def test_a_missing_or_damaged_model_is_one_line(tmp_path):
     assert "no such file" in bad(tmp_path / "o.json", "classify", "audio", "x.wav", "--model", tmp_path / "m.skops")
     (tmp_path / "m.skops").write_bytes(b"PK\x03\x04 nonsense")
     assert "m.skops" in bad(tmp_path / "o.json", "classify", "audio", "x.wav", "--model", tmp_path / "m.skops")
+
+
+def test_reasons_of_one_kind_are_one(capsys):
+    far = [f"unlike anything trained on (distance {d}.0, gate 1.7)" for d in (4, 5, 6)]
+    row = {"file": "x.png", "class": "unknown", "unknown": True, "probabilities": {}, "quality": 0.0}
+    print_classified([row | {"reasons": ["dark", *far]}, row | {"reasons": far[:1]}])
+    said = capsys.readouterr().out
+    assert said.count("unlike anything") == 2
+    assert said.count("(distance 4.0, gate 1.7)") == 1

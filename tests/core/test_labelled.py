@@ -139,6 +139,9 @@ def test_copies_among_sub_folders(folder):
     copy.rename(folder / "clay" / "copy.png")
     with pytest.raises(InputError, match=r"sand/a\.png: a\.png, the same as copy\.png, is of class 'sand' here and"):
         read_labelled(folder)
+    (folder / "clay" / "copy.png").rename(folder / "clay" / "a.png")
+    with pytest.raises(InputError, match=r"sand/a\.png: the same file is of class 'sand' here and of 'clay' in clay/a"):
+        read_labelled(folder)
 
 
 def test_a_class_folder_without_a_usable_file_is_named(folder):

@@ -78,11 +78,26 @@ def test_the_page_shows_everything_and_escapes_names(outcome):
     page = report_html(
         report, learning=learning, mistakes=mistakes, excerpt=lambda sample: f"<i>{sample.file.stem}</i>"
     )
-    for words in ("40 more groups", "Worst mistakes", "<i>0</i>", "Trust by quality", "share answered", "stated"):
+    share = report["gate"]["held_out_rejection"]
+    assert share > 0  # the scores say what became of these
+    for words in (
+        "40 more groups", "percentage points", "Worst mistakes", "<i>0</i>", "Trust by quality", "share answered",
+        "stated", f"{share:.1%} of the items as they came are answered &#x27;unknown&#x27;",
+    ):  # fmt: skip
         assert words in page
     assert "<b>sand" not in page
     assert "&lt;b&gt;sand" in page
     assert "http" not in page
+
+
+def test_one_item_left_out_is_told_in_the_singular():
+    x = np.random.default_rng(1).normal(size=(60, 2))
+    x[0, 0] = np.nan
+    report = TerrainClassifier.train(
+        x, ["a", "b"] * 30, [str(i % 12) for i in range(60)], modality="test", feature_names="ab", settings={},
+        rng=np.random.default_rng(0), candidates=("logistic",),
+    ).report  # fmt: skip
+    assert "1 item had features that are not finite and was left out." in report["warnings"]
 
 
 def test_the_surest_answers_are_wrong_less_often(rng):

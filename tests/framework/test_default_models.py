@@ -114,6 +114,7 @@ def test_each_model_of_the_package_loads_and_answers_its_example_as_at_training(
     held_out = f"{score['value']:.3f} ({score['low']:.3f} to {score['high']:.3f})"
     for text in (*model.classes, model.measured[1:], held_out, model.version, "## Not to be trusted for", "CC0"):
         assert text in model.card
+    assert ("somewhat optimistic" in model.card) == (model.ground == "real")
 
 
 def test_what_ships_is_small():

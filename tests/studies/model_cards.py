@@ -57,7 +57,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Made:
-    """A model, what was measured, and what its card says. `judged` is what decides whether it is a default."""
+    """A model, what was measured, and what its card says. `judged` is what decides whether it is a default.
+
+    `chosen` says what was chosen on the data that the scores are from.
+    """
 
     model: TerrainClassifier
     sources: str
@@ -67,6 +70,7 @@ class Made:
     limits: str
     never: tuple[str, ...]
     example: Callable[[Path], Path]
+    chosen: str = ""
 
 
 def classified(sense: str, model: TerrainClassifier, items: Iterable[LabelledFile], what: str) -> Measured:
@@ -124,6 +128,8 @@ def card(name: str, made: Made, default: bool, seed: int) -> str:
     used = ("bevameter", "numpy", "scikit-learn", "opencv-python-headless", "librosa")
     libraries = ", ".join(f"{each} {version(each)}" for each in used)
     rejection = report["gate"]["other_ground_rejection"]
+    left_out = ", photographs are left out" if "together" in report else ""
+    scored_how = f'Items that are answered "unknown" are scored by their likeliest class{left_out}. {made.chosen}'
     never = "\n".join(f"- {text}" for text in made.never)
     warnings = "\n".join(f"- {text}" for text in report["warnings"])
     ground = "synthetic" if name.endswith("-synthetic") else "real"
@@ -162,6 +168,7 @@ All of it is free of rights (CC0, or made by the package).
 |---|---|---|---|---|
 {scores}
 
+{scored_how.strip()}
 Right by class, a group's items together: {recalled}.
 Items of a class that the gate had not seen, each left out in turn, of which it turned away: {rejection:.1%}.
 {elsewhere}

@@ -92,7 +92,7 @@ def joined(
 
 
 def likeliest_correlation(probabilities: np.ndarray, y: np.ndarray, unit: np.ndarray) -> float:
-    """The maximum-likelihood correlation within groups, by the log loss of joined probabilities, classes even."""
+    """The maximum-a-posteriori correlation within groups, by the log loss of joined probabilities, classes even."""
     first, unit = np.unique(unit, return_index=True, return_inverse=True)[1:]
     truth = y[first]
     by_class = np.bincount(truth)

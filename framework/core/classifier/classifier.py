@@ -70,7 +70,7 @@ class Material:
     def learning_curve(
         self, rng: np.random.Generator, progress: Callable[[float], None] | None = None
     ) -> LearningCurve | None:
-        """Measure what further groups would bring, which takes about as long as the training; see `learning_curve`."""
+        """Measure what further groups would bring, which takes up to as long as the training; see `learning_curve`."""
         return learning_curve(self.rows, self.candidates, self.held, self.original, rng, progress)
 
     def mistakes(self, classes: Sequence[str]) -> tuple[Mistake, ...]:

@@ -93,7 +93,8 @@ def _stretch(item: LabelledFile) -> tuple[float, float]:
 def _shared(item: LabelledFile, other: LabelledFile, place: str, other_place: str, source: Path) -> InputError:
     split = "class" if item.class_name != other.class_name else "group"
     here, there = (item.class_name, other.class_name) if split == "class" else (item.group, other.group)
-    what = item.file.name if item.file == other.file else f"{item.file.name}, the same as {other.file.name},"
+    name, others = item.file.name, other.file.name
+    what = name if item.file == other.file else "the same file" if name == others else f"{name}, the same as {others},"
     return InputError(
         source, f"{what} is of {split} {here!r} here and of {there!r} in {other_place}",
         expected=f"the same material in one {split} only", place=place,

@@ -58,7 +58,7 @@ def learning_curve(
 ) -> LearningCurve | None:
     """Train on a quarter and a half of the groups of each fold, and predict the groups that it holds out.
 
-    It takes about as long as the training did.
+    It takes up to as long as the training did.
 
     Parameters
     ----------

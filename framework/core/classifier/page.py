@@ -9,6 +9,7 @@ from ..html import page, table
 from .labelled import LabelledFile
 from .learning import LearningCurve
 from .mistakes import Mistake
+from .report import of_the_gate
 
 SIZE = 240
 """Side of a chart [px]."""
@@ -42,7 +43,8 @@ def report_html(
     body = (
         f"<h1>Terrain classifier: {escape(report['modality'])}</h1>{_verdict(report)}"
         f"<p>{report['n']} items ({report['n_degraded']} of them degraded copies), {report['groups']} groups, "
-        f"{len(classes)} classes. {escape(report['split'])}</p>{warnings}"
+        f"{len(classes)} classes. {escape(report['split'])} "
+        f"{escape(of_the_gate(report))}</p>{warnings}"
         f"{_held_out(report)}{_learning(learning)}{_mistakes(mistakes, excerpt)}{_trust(report.get('trust', []))}"
         f"{_together(report.get('together', {}))}"
         f"<h2>Material</h2>{table(['class', 'items', 'groups'], counts)}{_model(report)}"
@@ -176,14 +178,14 @@ def _learning(curve: LearningCurve | None) -> str:
         for (x, y), number, error in zip(points, curve.groups, curve.error, strict=True)
     )
     gains = [
-        [f"{gain.more} more groups", f"{100 * gain.value:+.1f} %", f"{100 * gain.low:+.1f} to {100 * gain.high:+.1f} %"]
+        [f"{gain.more} more groups", f"{100 * gain.value:+.1f}", f"{100 * gain.low:+.1f} to {100 * gain.high:+.1f}"]
         for gain in curve.gains
     ]
     caption = "Error on groups held out, classes counted evenly, by the number of groups trained on."
     return (
         f"{title}<p>There are {curve.total} groups. More of the same kinds, shared among the classes as these are, "
         "would be expected to raise the accuracy (classes counted evenly) by:</p>"
-        f"{table(['with', 'gain', '95 %'], gains)}"
+        f"{table(['with', 'gain [percentage points]', '95 %'], gains)}"
         f"{_chart(_line(points) + dots, ('groups', '0', f'{across:.0f}'), ('error', '0', f'{most:.2f}'), caption)}"
         "<p class=note>From models of a quarter, a half and all of the groups of each training side, extended as a "
         "power law. Groups of other places, sources or seasons than these may bring more.</p>"

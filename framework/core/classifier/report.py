@@ -102,6 +102,14 @@ def training_report(
     return report
 
 
+def of_the_gate(report: dict) -> str:
+    """Say how the scores on top take items that the gate turns away, and how many these are; "" where none is known."""
+    share = report["gate"]["held_out_rejection"]
+    if share is None:
+        return ""
+    return f"{share:.1%} of the items as they came are answered 'unknown'; they are scored by their likeliest class."
+
+
 def _warnings(
     classes: Sequence[str],
     groups_of: Sequence[int],
@@ -114,7 +122,8 @@ def _warnings(
     if untested:
         warnings.append(f"Not validated, for want of a second group: {', '.join(untested)}.")
     if dropped:
-        warnings.append(f"{dropped} items had features that are not finite and were left out.")
+        items, were = ("item", "was") if dropped == 1 else ("items", "were")
+        warnings.append(f"{dropped} {items} had features that are not finite and {were} left out.")
     thin = [name for name, count in zip(classes, groups_of, strict=True) if 1 < count < FEW_GROUPS]
     if thin:
         warnings.append(f"Fewer than five groups, so scores are rough: {', '.join(thin)}.")
