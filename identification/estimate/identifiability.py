@@ -150,7 +150,7 @@ def advise(
         labels = [label for name, label in (("c_Pa", "cohesion"), ("phi_rad", "friction")) if not determined[name]]
         middle = strength[len(strength) // 2]
         known = middle.high_Pa - middle.low_Pa <= 2.0 * SHARE_OF_STRENGTH * middle.value_Pa
-        together = ", though their sum, the shear strength, is" if known else ", nor is their sum, the shear strength"
+        together = ", though the shear strength c + sigma tan(phi) is" if known else ", nor is the shear strength"
         verb = "is" if len(labels) == 1 else "are"
         advice.append(f"{' and '.join(labels)} {verb} not determined{together}: {_vary_load(load)}")
     if not determined["k_m"]:
@@ -168,11 +168,11 @@ def advise(
 
 def _vary_load(load: np.ndarray) -> str:
     if not np.isfinite(load).any():
-        return "measure the load and vary it by half of its mean or more"
+        return "measure the load and vary it by half of its mean or more, by payload or on slopes"
     low, high = np.nanpercentile(load, [5.0, 95.0])
     if high - low >= _ENOUGH * float(np.nanmean(load)):
         return f"record more rows, for the load varies enough ({low:.0f} to {high:.0f} N)"
-    return f"vary the load by half of its mean or more (now {low:.0f} to {high:.0f} N)"
+    return f"vary the load by half of its mean or more, by payload or on slopes (now {low:.0f} to {high:.0f} N)"
 
 
 def _vary_slip(low: float, high: float) -> str:
