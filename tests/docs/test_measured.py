@@ -71,7 +71,7 @@ def test_the_readme_quotes_what_was_measured():
     photographs, models = read("photographs"), read("models-shipped")
     own, other_source = (
         photographs.cell((split, "built-in features"), "as it is")
-        for split in ("photographs, five folds", "the other source, n = 143")
+        for split in ("photographs, five folds, n = 170", "the other source, n = 143")
     )
     quoted += [
         f"balanced accuracy {own} per photograph",
