@@ -29,11 +29,11 @@ from bevameter.framework.core.pooling import pooled
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.track.way import track_of
 from bevameter.framework.fusion import fuse
+from bevameter.framework.observing import observe
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.framework.scenario.seeing import ground_sites
 from bevameter.framework.scenario.write import write_scenario
-from bevameter.framework.sense_map import observe
 from bevameter.framework.senses import sense_named
 from drive_scores import stretch_of
 from measured import write
