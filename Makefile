@@ -53,7 +53,7 @@ benchmark: $(VENV)/.installed-for-tests
 
 models: $(VENV)/.installed
 	@echo "==> the models that come with the package: framework/core/trained"
-	@OMP_NUM_THREADS=1 $(BIN)/python tests/studies/shipped_models.py
+	@OMP_NUM_THREADS=1 $(BIN)/python tests/studies/shipped_models.py --write
 
 lint: $(VENV)/.installed-for-tests
 	@echo "==> ruff, pyright, import-linter"

@@ -24,6 +24,15 @@ def test_groups_that_are_all_right_or_all_wrong_count_once_each(rows):
             assert (score["value"], score["low"], score["high"]) == pytest.approx((share, low, high))
 
 
+def test_groups_that_are_all_right_have_an_interval_whatever_their_number():
+    for n in range(2, 100, 2):
+        by_unit = np.zeros((n, 2, 2))
+        by_unit[: n // 2, 0, 0] = by_unit[n // 2 :, 1, 1] = 1
+        for each in accuracy_intervals(by_unit).values():
+            assert each["value"] == each["high"] == 1.0
+            assert each["low"] == pytest.approx(0.025 ** (1 / n))
+
+
 def test_single_rows_give_the_interval_of_a_proportion():
     """Many groups of one row: the normal approximation holds."""
     right = np.repeat([[1] * 600 + [0] * 400], 2, axis=0)

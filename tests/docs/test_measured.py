@@ -68,6 +68,17 @@ def test_the_readme_quotes_what_was_measured():
         f"{bounds.cell('database', 'longer than predicted').split()[0]} % of the stops are longer than predicted",
     ]
     fast = "Class, strength and lower bound of places along a path"
+    photographs, models = read("photographs"), read("models-shipped")
+    own, other_source = (
+        photographs.cell((split, "built-in features"), "as it is")
+        for split in ("photographs, five folds, n = 170", "the other source, n = 143")
+    )
+    quoted += [
+        f"balanced accuracy {own} per photograph",
+        f"{other_source} on photographs of a source not trained on",
+        re.match(r"balanced accuracy \S+ \(.*?\)", models.cell("`vision-real`", "measured")).group(),
+        f"both together {float(read('fusion-gain').cell('all together', 'right')[:5]):.0%}".replace("%", " %"),
+    ]
     for row, quote in (
         (f"{fast} (200)", "200 places {}"),
         (f"{fast} (10000)", "of 10,000 {}"),

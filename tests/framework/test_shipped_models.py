@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -11,6 +10,8 @@ import shipped_models
 from bevameter.framework.core.classifier import shipped
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.shipped import shipped_model
+from measured import read
+from model_cards import table
 
 TOLERANCE = 1e-9
 """Most that a probability may differ from the shipped model's [-]; on the machine that made it none does."""
@@ -30,11 +31,11 @@ def made_again(name, tmp_path, *arguments):
 
 
 def test_the_documentation_gives_the_figures_of_the_training():
-    text = (shipped_models.ROOT / "docs" / "models.md").read_text(encoding="utf-8")
-    for one in shipped.shipped_models().values():
-        score = re.search(r"0\.\d{3} \(.*?\)", one.measured)
-        assert score is not None
-        assert score.group() in text
+    index = {
+        name: {"measured": each.measured, "limits": each.limits, "default": each.default}
+        for name, each in shipped.shipped_models().items()
+    }
+    assert sorted(table(index)) == sorted(read("models-shipped").rows)
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
     python tests/studies/judge.py make  --set training --cache CACHE
     python tests/studies/judge.py run   --set training --cache CACHE --out answers.jsonl
     python tests/studies/judge.py run   --set training --cache CACHE --out answers.jsonl --leave-one-out
-    python tests/studies/judge.py score --set training --cache CACHE answers.jsonl --compare other.jsonl
+    python tests/studies/judge.py score --set training --cache CACHE answers.jsonl --compare other.jsonl --write NAME
 
 Each stage resumes where it was stopped. `run` takes whatever `bevameter` is on PYTHONPATH. Instead of a named set,
 `--seeds 793600 300` takes that many recordings of the study from that seed on, `--protocol ramps` makes drives of one
@@ -20,6 +20,7 @@ from pathlib import Path
 
 from judging import answers, recordings, summary
 from judging.scorer import score
+from measured import write
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
@@ -53,6 +54,7 @@ def main(arguments: list[str] | None = None) -> None:
     stage.add_argument("answers", type=Path)
     stage.add_argument("--compare", type=Path, help="another tool's answers; the recordings that both have")
     stage.add_argument("--each", action="store_true", help="list every recording, too; refused for frozen ones")
+    stage.add_argument("--write", metavar="NAME", help="write the table to docs/measured/NAME.json, too")
     stage.set_defaults(run=_score)
 
     given = parser.parse_args(arguments)
@@ -121,7 +123,12 @@ def _score(given: argparse.Namespace, chosen: recordings.RecordingSet) -> None:
         }
         for tool, rows in results.items()
     }
-    print(summary.table({tool: list(of_tool.values()) for tool, of_tool in scores.items()}))
+    by_tool = {tool: list(of_tool.values()) for tool, of_tool in scores.items()}
+    print(summary.table(by_tool))
+    if given.write:
+        columns, *rows = summary.cells(by_tool)
+        which = given.set or f"{given.generator} from seed {given.seeds[0]} on"
+        write(given.write, columns, rows, data=f"Simulated; {len(both)} answers on the set {which}")
     if given.each:
         for tool, of_tool in scores.items():
             print(f"\n### {tool}\n\n{summary.each({name: row for (name, _), row in of_tool.items()})}")

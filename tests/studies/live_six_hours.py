@@ -1,6 +1,6 @@
 """A drive of six hours with faults, killed at random and resumed, against a run on its recording.
 
-    python tests/studies/live_six_hours.py --hours 6 --kills 5 --out six_hours.json
+    python tests/studies/live_six_hours.py --hours 6 --kills 5 --out six_hours.json --write
 
 The vehicle goes round a field: half a minute slowly on sand and on loam every ten minutes, else faster. The material is
 that of the scenario `short`, over and over, as fast as it is taken: poses and wheel rows at 10 Hz, sound at 22 kHz, an
@@ -38,6 +38,7 @@ from bevameter.framework.default_models import Models, find_models
 from bevameter.framework.live import checkpoints
 from bevameter.framework.live.journal import unfinished
 from bevameter.framework.scenario.write import write_scenario
+from measured import write
 
 MODELS = ("vision-synthetic", "audio-synthetic")
 STEP_S, IMAGE_S, SOUND_SAMPLES = 0.1, 4.0, 22050
@@ -292,6 +293,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jump", action="store_true", help="set the clock back after each hour")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
+    parser.add_argument("--write", action="store_true", help="write docs/measured/live-six-hours.json")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = write_scenario("short", Path(name) / "short", seed=4)
@@ -304,6 +306,21 @@ def main() -> None:
         figures |= {"run_seconds": round(time.monotonic() - began), **compare(run, live)}
     text = json.dumps(figures, indent=1)
     print(text)
+    if given.write:
+        (run_cells, cells), (run_soils, soils) = figures["cells"], figures["soils"]
+        rows = (
+            ("time taken [min]", *(f"{figures[each] / 60:.0f}" for each in ("seconds", "run_seconds"))),
+            ("cells stored", str(cells), str(run_cells)),
+            ("soils stored", str(soils), str(run_soils)),
+            ("killed and resumed", str(given.kills), ""),
+            (
+                "memory after half of the time, and most after it [MiB]",
+                f"{figures['MiB_at_half']:.0f}, {figures['MiB_most_after']:.0f}",
+                "",
+            ),
+        )
+        data = f"Simulated; one drive of {given.hours:g} hours"
+        write("live-six-hours", ("figure", "drive", "run on its recording"), rows, data=data)
     if given.out is not None:
         given.out.write_text(text + "\n", encoding="utf-8")
 

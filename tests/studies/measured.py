@@ -11,6 +11,7 @@ import ast
 import json
 import os
 import platform
+import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -36,7 +37,7 @@ class Measured:
     date
         Day of the measurement, ISO 8601.
     commit, machine
-        `NOT_RECORDED` where nobody wrote it down.
+        `NOT_RECORDED` where nobody wrote it down; so is a `command` of which no script was kept.
     columns
         Headers, with units in brackets.
     rows
@@ -57,16 +58,18 @@ class Measured:
         if any(len(row) != len(self.columns) for row in self.rows):
             raise ValueError("a row with another number of cells than there are columns")
 
-    def cell(self, row: str, column: str) -> str:
-        """Give the cell of the row that begins with a text, in a column."""
-        (found,) = [each for each in self.rows if each[0] == row]
+    def cell(self, row: str | tuple[str, ...], column: str) -> str:
+        """Give the cell of the row that begins with a text or with several, in a column."""
+        begin = (row,) if isinstance(row, str) else row
+        (found,) = [each for each in self.rows if each[: len(begin)] == begin]
         return found[self.columns.index(column)]
 
     def markdown(self) -> str:
         """Lay the table out, and below it what was measured, when and where."""
         lines = [self.columns, tuple("---" for _ in self.columns), *self.rows]
         table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
-        where = f"Commit: {self.commit}. Machine: {self.machine}. Made by `{self.command}`."
+        made = "No command is kept." if self.command == NOT_RECORDED else f"Made by `{self.command}`."
+        where = f"Commit: {self.commit}. Machine: {self.machine}. {made}"
         return f"{table}\n\n*{self.data}. Measured {self.date}.* {where}"
 
 
@@ -76,15 +79,23 @@ def read(name: str) -> Measured:
     return Measured(**{**text, "columns": tuple(text["columns"]), "rows": tuple(map(tuple, text["rows"]))})
 
 
-def write(name: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, data: str, command: str) -> Path:
-    """Write a table that was measured now, on this machine, at this commit."""
+def write(
+    name: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, data: str, command: str | None = None
+) -> Path:
+    """Write a table that was measured now, on this machine, at this commit, by default by the command that runs."""
     now = Measured(
-        data, command, datetime.now(UTC).date().isoformat(), _commit(), _machine(), tuple(columns),
+        data, command or _command(), datetime.now(UTC).date().isoformat(), _commit(), _machine(), tuple(columns),
         tuple(map(tuple, rows)),
     )  # fmt: skip
     path = FOLDER / f"{name}.json"
     path.write_text(json.dumps(asdict(now), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
+
+
+def _command() -> str:
+    """Give what this process was called with; of absolute paths the last part, as they differ between machines."""
+    given = [Path(each).name if Path(each).is_absolute() else each for each in sys.argv[1:]]
+    return shlex.join(["python", f"tests/studies/{Path(sys.argv[0]).name}", *given])
 
 
 def _commit() -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -13,6 +13,7 @@ from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.labelled import LabelledFile
 from bevameter.framework.core.classifier.scores import accuracy_intervals, confusion_by_unit
 from bevameter.framework.senses import sense_named
+from measured import write
 
 
 @dataclass(frozen=True)
@@ -178,3 +179,20 @@ Items of a class that the gate had not seen, each left out in turn, of which it 
 - chosen on inner folds: {report["model"]}; {len(model.feature_names)} features
 - version (SHA-256 of the content): {model.version}
 """
+
+
+def table(entries: Mapping[str, Mapping]) -> list[tuple[str, ...]]:
+    """Rows of the documentation's table, of entries of the index."""
+    return [
+        (f"`{name}`", each["measured"], each["limits"], "yes" if each["default"] else "no")
+        for name, each in entries.items()
+    ]
+
+
+def write_table(entries: Mapping[str, Mapping]) -> None:
+    """Write docs/measured/models-shipped.json."""
+    write(
+        "models-shipped", ("model", "measured", "limits", "by default"), table(entries),
+        data="Real and simulated (synthetic); n are photographs, windows of sound and runs of real ground, looks and "
+        "windows of synthetic ground", command="make models",
+    )  # fmt: skip

@@ -38,7 +38,7 @@ from bevameter.framework.senses import sense_named
 from bevameter.vision.classify import patch_evidence
 from bevameter.vision.measures import measures_of
 from bevameter.vision.train import train_vision_patches
-from model_cards import Made, Measured, card, classified, scored
+from model_cards import Made, Measured, card, classified, scored, write_table
 from scipy.signal import iirpeak, lfilter
 from sklearn.model_selection import StratifiedGroupKFold
 from synthetic_samples import labelled_looks, labelled_runs, labelled_sounds, looks_at
@@ -391,7 +391,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(RECIPES)}; all by default")
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
     parser.add_argument("--out", type=Path, default=ROOT / "framework" / "core" / "trained")
+    parser.add_argument("--write", action="store_true", help="of all models write docs/measured/models-shipped.json")
     asked = parser.parse_args(arguments)
+    if asked.write and asked.names:
+        parser.error("--write takes all models")
     if unknown := set(asked.names) - set(RECIPES):
         parser.error(f"no model {', '.join(sorted(unknown))}")
     if any(name.endswith("-real") for name in asked.names or RECIPES) and not asked.data.is_dir():
@@ -403,6 +406,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         entries[name] = make(name, asked.data, asked.out)
         print(f"{name}: {entries[name]['measured']}; {'default' if entries[name]['default'] else 'not a default'}")
         index.write_text(json.dumps(dict(sorted(entries.items())), indent=1) + "\n", encoding="utf-8")
+    if asked.write:
+        write_table(entries)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ way as grains, louder with speed) where the folder of recordings is given, else 
 of half of them is real rain, sea or fire. Gear lines are phase-continuous, lugs are blows that vary, wind is shaped by
 a von Karman spectrum at the Strouhal number of its speed and gusts, resonances are second-order filters.
 
-    python tests/studies/sound_mismatch.py --data ../shared/data --drives 30 --nulls 60 --classify 12
+    python tests/studies/sound_mismatch.py --data ../shared/data --drives 30 --nulls 60 --classify 12 [--write]
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from bevameter.audio.train import train_audio_windows
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.recording.types import Labels, SoundBlock
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound
+from measured import write
 from sound_benefit import Gain, gain_of, heard
 
 RATE = 22050
@@ -336,6 +337,7 @@ def main() -> None:
     parser.add_argument("--classify", type=int, default=12, help="drives for each effect")
     parser.add_argument("--only", nargs="*", default=list(EFFECTS))
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", action="store_true", help="write sound-named and sound-cleaned of docs/measured")
     options = parser.parse_args()
     rng = np.random.default_rng([options.seed, 1])
     alarms, mentioned, seconds = [], 0, []
@@ -349,7 +351,9 @@ def main() -> None:
         wrong = sum(bool(a) for a in alarms)
         print(f"nulls: {wrong} of {options.nulls} with a false name, {interval(wrong, options.nulls)}; {alarms}")
         print(f"nulls with anything listed: {mentioned}; seconds per minute of sound: {np.median(seconds):.2f}")
+    rows = []
     for effect in options.only if options.drives else ():
+        rows.append([f"`{effect}`"])
         for level, level_dB in LEVELS[effect].items():
             named, false, n, begun = 0, [], options.drives, time.monotonic()
             for index in range(n):
@@ -360,15 +364,26 @@ def main() -> None:
                 found = drive.explain()
                 named += right(effect, truth, found)
                 false += false_names({effect}, found)
+            rows[-1].append(f"{level_dB:g} dB: {named} of {n}")
             print(f"{effect:12s} {level:7s} {level_dB:6.1f} dB: named right {interval(named, n)} of {n}; "
                   f"false names {false}; {time.monotonic() - begun:.0f} s", flush=True)  # fmt: skip
+    if options.write and rows:
+        of = "real footsteps" if options.data is not None else "noise bands and clicks"
+        data = f"Simulated, of {of}; {options.drives} drives a cell"
+        write("sound-named", ("effect", *LEVELS["gear_mesh"]), rows, data=data)
+    rows = []
     if options.classify:
         model = clean_classifier(np.random.default_rng([options.seed, 3]))
         for effect in (None, *options.only):
             gain, cleaned = classify_study(model, effect, options.classify, options.seed)
+            difference = f"{gain.difference:+.3f} ({gain.low:.3f} to {gain.high:.3f})"
+            rows.append((f"`{effect}`" if effect else "nothing", f"{gain.before:.3f}", f"{gain.after:.3f}", difference))
             print(f"classes under {effect or 'nothing':12s}: {gain.before:.3f} -> {gain.after:.3f} "
                   f"({gain.difference:+.3f}, {gain.low:+.3f} to {gain.high:+.3f}), known {gain.known_before:.2f} -> "
                   f"{gain.known_after:.2f}, {gain.drives} drives, {cleaned} cleaned", flush=True)  # fmt: skip
+    if options.write and rows:
+        data = f"Simulated; {options.classify} drives a row"
+        write("sound-cleaned", ("under", "before", "after", "difference"), rows, data=data)
 
 
 if __name__ == "__main__":

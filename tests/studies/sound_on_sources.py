@@ -1,6 +1,7 @@
 """Footsteps of one source by a model of the others: balanced accuracy of clips, on classes that both have.
 
     python tests/studies/sound_on_sources.py ../shared/data/contact-sound [--candidates kernel,trees] [--seeds 3]
+        [--write]
 
 Each folder of the data with an `index.csv` is a source. A clip has the class of the greatest sum of probabilities over
 its windows; "unknown" counts as wrong. Seeds vary the copies that the training makes. 95 % intervals are of takes.
@@ -18,6 +19,7 @@ from bevameter.audio.classify import sound_evidence
 from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.classifier.scores import accuracy_intervals, confusion_by_unit
 from bevameter.framework.core.recording.sound import read_sound
+from measured import write
 
 
 def named(model, item) -> str:
@@ -34,16 +36,18 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--candidates", default=",".join(train.CANDIDATES))
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--write", action="store_true", help="write docs/measured/sound-sources.json")
     asked = parser.parse_args()
     train.CANDIDATES = tuple(asked.candidates.split(","))
     sources = {
         index.parent.name: [replace(i, class_name=str(i.extra["common_class"])) for i in read_labelled(index.parent)]
         for index in sorted(asked.folder.glob("*/index.csv"))
     }
+    rows = []
     for name, items in sources.items():
         others = [item for other, part in sources.items() if other != name for item in part]
         tested = [item for item in items if item.class_name in {other.class_name for other in others}]
-        scores = []
+        scores, shown = [], []
         for seed in range(asked.seeds):
             model = train.train_audio(others, np.random.default_rng(seed)).classifier
             names = [*model.classes, "unknown"]
@@ -54,11 +58,16 @@ def main():
             unit = np.unique([item.group for item in tested], return_inverse=True)[1]
             score = accuracy_intervals(confusion_by_unit(truth, said, unit, len(names)))["balanced_accuracy"]
             scores.append(score["value"])
+            shown.append(f"{score['value']:.3f} ({score['low']:.3f} to {score['high']:.3f})")
             print(
-                f"{name}, n = {len(tested)}, seed {seed}: {score['value']:.3f} ({score['low']:.3f} to "
-                f"{score['high']:.3f}), unknown {np.mean(said == len(names) - 1):.2f}, {model.report['model']}"
+                f"{name}, n = {len(tested)}, seed {seed}: {shown[-1]}, "
+                f"unknown {np.mean(said == len(names) - 1):.2f}, {model.report['model']}"
             )
         print(f"{name}: mean {np.mean(scores):.3f}")
+        rows.append((name, str(len(tested)), f"{np.mean(scores):.3f}", shown[0]))
+    if asked.write:
+        data = f"Real footsteps; balanced accuracy of clips, by a model of the other sources, {asked.seeds} seeds"
+        write("sound-sources", ("source held out", "n", "mean over seeds", "at seed 0 (95 %)"), rows, data=data)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from concealed import study
 from concealed.effects import catalogue
 from concealed.vehicle import study as vehicle_study
 from judging import answers, recordings
+from measured import read
 
 NONE = {"schema": 1, "verdict": "none", "missing": [], "located": [], "fit": {"channels": {}}}
 
@@ -127,8 +128,10 @@ def test_runs_resume_where_they_stopped_and_are_scored(cache, monkeypatch, capsy
     assert ran[3:] == [("study-920002", []), ("study-920001", ["drift"])]
     other = cache / "other.jsonl"
     other.write_text(lines[0] + "\n")
-    command("score", cache, out)
+    monkeypatch.setattr("measured.FOLDER", cache)
+    command("score", cache, out, "--write", "scored")
     assert "| recordings | 4 |" in capsys.readouterr().out
+    assert read("scored").cell("recordings", out.name) == "4"
     command("score", cache, out, "--compare", other, "--each")
     printed = capsys.readouterr().out
     assert "| recordings | 1 | 1 |" in printed

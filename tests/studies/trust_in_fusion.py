@@ -1,6 +1,7 @@
 """What learnt trust is worth: cells of whole synthetic drives, fused with learnt weights and with the raw quality.
 
     python tests/studies/trust_in_fusion.py [--seeds 2] [--models FOLDER] [--items] [--data ../shared/data]
+        [--write]
 
 Drives are of seeds that no model was trained on. Cells that lie across a boundary of classes are left out. Printed are
 log loss, calibration error, and the error at full coverage and among the 80 % of cells of the highest probability.
@@ -28,13 +29,14 @@ from bevameter.framework.core.pooling import pooled
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.track.way import track_of
 from bevameter.framework.fusion import fuse
+from bevameter.framework.observing import observe
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.framework.scenario.seeing import ground_sites
 from bevameter.framework.scenario.write import write_scenario
-from bevameter.framework.sense_map import observe
 from bevameter.framework.senses import sense_named
 from drive_scores import stretch_of
+from measured import write
 from perception_on_drives import FIRST_SEED, NAMES
 from shipped_models import FREE, REAL_SEED, ROOT, train_synthetic
 from sklearn.isotonic import IsotonicRegression
@@ -73,8 +75,8 @@ def ground(plan, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array([stretch.terrain for stretch in plan.stretches])[owner], whole
 
 
-def compared(name: str, outcome: TrainingOutcome) -> None:
-    """Print the log loss and calibration error of items held out, weighed in several ways."""
+def compared(name: str, outcome: TrainingOutcome) -> tuple[str, ...]:
+    """Print the log loss and calibration error of items held out, weighed in several ways; give the log losses."""
     material, k = outcome.material, len(outcome.classifier.classes)
     rows = np.flatnonzero(material.held.scored & (material.quality > 0))
     p, score = material.held.probabilities[rows], material.quality[rows]
@@ -91,18 +93,23 @@ def compared(name: str, outcome: TrainingOutcome) -> None:
         trust, _ = learn_trust(p[train], y[train], group[train], score[train], own)
         learnt[test] = trust.at(score[test])
     ways = {"score": score, "1": np.ones(len(y)), "accuracy": accurate, "learnt": learnt}
+    losses = []
     for way, exponent in ways.items():
         weighed = pooled(np.log(p) * exponent[:, None])
         error = calibration_error(weighed, y, weight)[0]
-        print(f"{name:16s} n = {len(y)}, {way:9s} log loss {log_loss(weighed, y, weight):.4f}, calibration {error:.3f}")
+        losses.append(log_loss(weighed, y, weight))
+        print(f"{name:16s} n = {len(y)}, {way:9s} log loss {losses[-1]:.4f}, calibration {error:.3f}")
+    return name, str(len(y)), *(f"{each:.3f}" for each in losses)
 
 
-def compare_items(data: Path) -> None:
+def compare_items(data: Path) -> list[tuple[str, ...]]:
     """Train what ships, and compare weights of its items."""
+    rows = []
     photographs = [i for i in read_labelled(data / "ground-photos") if i.extra["licence"] in FREE]
     for sense, items in (("vision", photographs), ("audio", read_labelled(data / "contact-sound" / "nox"))):
-        compared(f"{sense}-real", sense_named(sense).train(items, np.random.default_rng(REAL_SEED)))
-        compared(f"{sense}-synthetic", train_synthetic(sense))
+        rows.append(compared(f"{sense}-real", sense_named(sense).train(items, np.random.default_rng(REAL_SEED))))
+        rows.append(compared(f"{sense}-synthetic", train_synthetic(sense)))
+    return rows
 
 
 def main() -> None:
@@ -112,10 +119,23 @@ def main() -> None:
     parser.add_argument("--models", type=Path, help="folder with vision.skops and audio.skops; else those that ship")
     parser.add_argument("--items", action="store_true", help="compare weights of single items")
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--write", action="store_true", help="write trust-drives or trust-items of docs/measured")
     asked = parser.parse_args()
     if asked.items:
-        compare_items(asked.data)
+        rows = compare_items(asked.data)
+        if asked.write:
+            columns = (
+                "items",
+                "n",
+                "score",
+                "1 for all",
+                "in proportion to accuracy above chance",
+                "likeliest exponent",
+            )
+            data = "Real and simulated; log loss [nat] of single items, tried on a fifth of the groups"
+            write("trust-items", columns, rows, data=data)
         return
+    rows = []
     learnt = {
         sense: load_model(asked.models / f"{sense}.skops" if asked.models else f"{sense}-synthetic", sense)
         for sense in ("vision", "audio")
@@ -131,11 +151,28 @@ def main() -> None:
             p, y = (np.concatenate([drive[weights, senses][part] for drive in drives]) for part in (0, 1))
             even = np.ones(len(y))
             full, most = (selective_error(p, y, even, share) for share in (1.0, 0.8))
+            loss, error = log_loss(p, y, even), calibration_error(p, y, even)[0]
+            rows.append(
+                (
+                    " and ".join(senses),
+                    str(len(y)),
+                    weights,
+                    f"{loss:.3f}",
+                    f"{error:.3f}",
+                    f"{full:.4f}",
+                    f"{most:.4f}",
+                )
+            )
             print(
                 f"{' and '.join(senses):16s} {weights:13s} {len(drives)} drives, n = {len(y)}: log loss "
-                f"{log_loss(p, y, even):.4f} nat, calibration error {calibration_error(p, y, even)[0]:.4f}, "
+                f"{loss:.4f} nat, calibration error {error:.4f}, "
                 f"error {full:.4f}, at 80 % coverage {most:.4f}"
             )
+    if asked.write:
+        columns = (
+            "senses", "n", "weight", "log loss [nat]", "calibration error", "error", "error among the surest 80 %",
+        )  # fmt: skip
+        write("trust-drives", columns, rows, data=f"Simulated; cells of {len(drives)} drives")
 
 
 if __name__ == "__main__":

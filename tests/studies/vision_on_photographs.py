@@ -1,7 +1,7 @@
 """Vision on photographs of grounds that were held out: the package against a plain support vector machine.
 
     python tests/studies/vision_on_photographs.py FOLDER [--method package|svm] [--split photograph|source]
-        [--backbone NETWORK.onnx]
+        [--backbone NETWORK.onnx] [--write]
 
 FOLDER is labelled (`index.csv` with file, class, group, source). Splits: `photograph`, five folds by group, and
 `source`, each source in turn against the others, whose shared groups are left out. Balanced accuracy is of photographs,
@@ -23,6 +23,7 @@ from bevameter.vision.augment import motion_blur
 from bevameter.vision.backbone import open_backbone
 from bevameter.vision.classify import image_evidence
 from bevameter.vision.train import train_vision_arrays
+from measured import write
 from sklearn.model_selection import StratifiedGroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -32,8 +33,10 @@ CONDITIONS = {
     "as it is": lambda image, rng: image,
     "blur of 11 px": lambda image, rng: motion_blur(image, 11, rng.uniform(0, np.pi)),
     "a quarter of the light": lambda image, rng: (image * 0.25).astype(np.uint8),
-    "noise of 20": lambda image, rng: np.clip(image + rng.normal(0, 20, image.shape), 0, 255).astype(np.uint8),
+    "noise of 20 of 255": lambda image, rng: np.clip(image + rng.normal(0, 20, image.shape), 0, 255).astype(np.uint8),
 }
+METHODS = {"package": "built-in features", "svm": "support vector machine on HSV, LBP, GLCM"}
+SPLITS = {"photograph": "photographs, five folds", "source": "the other source"}
 
 
 # A plain method: what is put together in an afternoon -----------------------------------------------------------------
@@ -116,16 +119,16 @@ def package(images, labels, groups, backbone=None):
 
 
 def calibration(stated, right):
-    """Say how well stated probabilities (n,) agree with what was right (n,), and how many of the surest were wrong."""
+    """Share that is right, mean stated probability, calibration error and share wrong among the surest, of n answers.
+
+    `stated` (n,) is not finite where a method states none: the last three are then not finite either.
+    """
     if not np.isfinite(stated).all():
-        return ""
+        return right.mean(), np.nan, np.nan, np.nan
     bins = np.minimum((10 * stated).astype(int), 9)
     apart = np.bincount(bins, stated, 10) - np.bincount(bins, right.astype(float), 10)
     surest = np.argsort(-stated)[: round(0.8 * len(stated))]
-    return (
-        f", stated {stated.mean():.3f}, calibration error {np.abs(apart).sum() / len(stated):.3f}, "
-        f"wrong among the surest 80 % {1 - right[surest].mean():.3f}"
-    )
+    return right.mean(), stated.mean(), np.abs(apart).sum() / len(stated), 1 - right[surest].mean()
 
 
 def splits(kind, labels, groups, sources, seed):
@@ -140,24 +143,12 @@ def splits(kind, labels, groups, sources, seed):
             yield np.flatnonzero(train), np.flatnonzero(test)
 
 
-def main():
-    """Train, answer, print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder")
-    parser.add_argument("--method", choices=("package", "svm"), default="package")
-    parser.add_argument("--split", choices=("photograph", "source"), default="photograph")
-    parser.add_argument("--backbone")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    items = read_labelled(asked.folder)
-    images = [read_image(item.file) for item in items]
-    labels, groups = np.array([item.class_name for item in items]), np.array([item.group for item in items])
-    sources = np.array([str(item.extra["source"]) for item in items])
-    backbone = open_backbone(asked.backbone) if asked.backbone else None
-    train = svm if asked.method == "svm" else partial(package, backbone=backbone)
+def study(method, split, images, labels, groups, sources, backbone, seed):
+    """Train and answer, print a table; cells of the conditions: balanced accuracy, and right, stated, apart."""
+    train = svm if method == "svm" else partial(package, backbone=backbone)
     truths, units, answers, stated = [], [], {name: [] for name in CONDITIONS}, {name: [] for name in CONDITIONS}
     foreign, start = [], time.perf_counter()
-    for inside, test in splits(asked.split, labels, groups, sources, asked.seed):
+    for inside, test in splits(split, labels, groups, sources, seed):
         named = train([images[i] for i in inside], labels[inside], groups[inside])
         strange = ~np.isin(labels[test], labels[inside])
         if strange.any():
@@ -171,17 +162,20 @@ def main():
                 part[name] += list(found)
     names = [*sorted(set(labels)), "unknown"]
     truth, unit = np.array([names.index(name) for name in truths]), np.unique(units, return_inverse=True)[1]
-    method = asked.method + (" with a backbone" if asked.backbone else "")
-    print(f"{method}, split by {asked.split}, n = {len(truth)}, {time.perf_counter() - start:.0f} s")
+    with_one = " with a backbone" if backbone is not None and method != "svm" else ""
+    print(f"{method}{with_one}, split by {split}, n = {len(truth)}, {time.perf_counter() - start:.0f} s")
+    accuracies, calibrations = [], []
     for name, given in answers.items():
         said = np.array([names.index(each) for each in given])
         by_unit = confusion_by_unit(truth, said, unit, len(names))
         score = accuracy_intervals(by_unit)["balanced_accuracy"]
-        unknown = said == len(names) - 1
+        known, right = said != len(names) - 1, said == truth
+        accuracies.append(f"{score['value']:.2f} ({score['low']:.2f} to {score['high']:.2f})")
+        calibrations.append(calibration(np.array(stated[name])[known], right[known]))
         print(
             f"{name:24s} balanced accuracy {score['value']:.3f} ({score['low']:.3f} to {score['high']:.3f}), "
-            f"unknown {unknown.mean():.2f}, right where known {np.mean((said == truth)[~unknown]):.3f}"
-            f"{calibration(np.array(stated[name])[~unknown], (said == truth)[~unknown])}"
+            f"unknown {1 - known.mean():.2f}, right where known, stated, calibration error, wrong among the surest "
+            f"80 %: {', '.join(f'{each:.3f}' for each in calibrations[-1])}"
         )
         if name == "as it is":
             table = by_unit.sum(axis=0).astype(int)
@@ -189,6 +183,37 @@ def main():
                 print(f"  {names[index]:14s} {row[index] / max(row.sum(), 1):.2f}  {row.tolist()}")
     if foreign:
         print(f"of classes not trained on: n = {len(foreign)}, unknown {np.mean(np.array(foreign) == 'unknown'):.2f}")
+    return len(truth), accuracies, calibrations
+
+
+def main():
+    """Train, answer, print a table; with `--write` all methods and splits, for the documentation."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder")
+    parser.add_argument("--method", choices=METHODS, default="package")
+    parser.add_argument("--split", choices=SPLITS, default="photograph")
+    parser.add_argument("--backbone")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--write", action="store_true", help="all methods and splits, into docs/measured")
+    asked = parser.parse_args()
+    items = read_labelled(asked.folder)
+    images = [read_image(item.file) for item in items]
+    labels, groups = np.array([item.class_name for item in items]), np.array([item.group for item in items])
+    sources = np.array([str(item.extra["source"]) for item in items])
+    backbone = open_backbone(asked.backbone) if asked.backbone else None
+    accuracies, probabilities = [], []
+    for split in SPLITS if asked.write else (asked.split,):
+        for method in METHODS if asked.write else (asked.method,):
+            n, scores, calibrations = study(method, split, images, labels, groups, sources, backbone, asked.seed)
+            accuracies.append((f"{SPLITS[split]}, n = {n}", METHODS[method], *scores))
+            if method == "package":
+                rows = zip(CONDITIONS, calibrations, strict=True)
+                probabilities += [(SPLITS[split], name, *(f"{each:.2f}" for each in row)) for name, row in rows]
+    if asked.write:
+        data = f"Real; {len(images)} photographs of {len(set(labels))} classes in {len(set(groups))} groups"
+        write("photographs", ("held out", "method", *CONDITIONS), accuracies, data=f"{data}, balanced accuracy (95 %)")
+        columns = ("held out", "photographs", "right", "stated", "calibration error", "wrong among the surest 80 %")
+        write("photographs-probabilities", columns, probabilities, data=f"{data}; answers that are not unknown")
 
 
 if __name__ == "__main__":

@@ -164,7 +164,8 @@ def accuracy_intervals(by_unit: np.ndarray) -> dict[str, dict[str, float]]:
 
 def _interval(hits: np.ndarray, rows: np.ndarray, worth: np.ndarray, main: np.ndarray) -> dict[str, float]:
     """Interval of the sum of hits (u, k), each worth `worth` (k,), of units whose main classes are `main` (u,)."""
-    value = min(float((hits @ worth).sum()), 1.0)
+    # Where all are right the sum may round to less than 1, and an interval about that is not finite.
+    value = 1.0 if np.array_equal(hits, rows) else float((hits @ worth).sum())
     # What a unit adds to the error of an estimate that is a ratio in each class, or in all if rows are worth the same.
     rate = value if np.ptp(worth) == 0 else hits.sum(axis=0) / np.maximum(rows.sum(axis=0), 1)
     variance = _variance((hits - rate * rows) @ worth, main)

@@ -38,12 +38,16 @@ def quantile(values: Sequence[float], at: float) -> str:
     return f"{np.quantile(values, at):.3g} ({low}-{high})"
 
 
-def table(columns: Mapping[str, Scores]) -> str:
-    """Give the measures as a Markdown table, one column for each tool's scores."""
+def cells(columns: Mapping[str, Scores]) -> list[tuple[str, ...]]:
+    """Give the measures as rows of cells, headers first, one column for each tool's scores."""
     found = [measures(scores) for scores in columns.values()]
-    lines = [f"| measure (95 % interval) | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
-    lines += [f"| {name} | {' | '.join(each[name] for each in found)} |" for name in found[0]]
-    return "\n".join(lines)
+    return [("measure (95 % interval)", *columns), *((name, *(each[name] for each in found)) for name in found[0])]
+
+
+def table(columns: Mapping[str, Scores]) -> str:
+    """Give the measures as a Markdown table."""
+    lines = [f"| {' | '.join(row)} |" for row in cells(columns)]
+    return "\n".join([lines[0], "|---" * (1 + len(columns)) + "|", *lines[1:]])
 
 
 def measures(scores: Scores) -> dict[str, str]:
