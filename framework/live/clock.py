@@ -34,6 +34,21 @@ class DriveClock:
         self._shifts = [0.0]
         self._held: dict[str, list[tuple[float, Any]]] = {}
 
+    def state(self) -> dict[str, Any]:
+        """Give what a drive that is resumed has to know of it."""
+        return {"shifts": self._shifts, "jumps": self.jumps, "wrong": self.wrong}
+
+    def restore(self, state: dict[str, Any], newest_s: float) -> None:
+        """Go on from a state, at a time [s]."""
+        self._shifts, self.jumps, self.wrong = list(state["shifts"]), list(state["jumps"]), state["wrong"]
+        self.newest_s = newest_s
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What happened, and how many samples were left out."""
+        wrong = f"{self.wrong} samples with times far from all others were left out"
+        return (*self.jumps, *((wrong,) if self.wrong else ()))
+
     def on_one_clock(self, stream: str, stamp_s: float, sample: Any) -> list[tuple[float, Any]]:
         """Give samples of a sensor with their times [s], the new one the last; none while its stamp is in doubt."""
         # Those that were on their way when the clock was set are still on the one before.
