@@ -20,8 +20,8 @@ class DriveClock:
 
     A stamp far from the newest one is held until two more of its sensor agree with it: one that is wrong by itself
     leaves no trace. Forwards they are believed then, as after a pause. Backwards the clock was set: from there on the
-    drive's clock goes on from where it was, for all sensors. Where others went on meanwhile the sensor has a clock of its
-    own.
+    drive's clock goes on from where it was, for all sensors. Where others went on meanwhile
+    the sensor has a clock of its own.
 
     Attributes
     ----------
