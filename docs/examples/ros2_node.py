@@ -3,18 +3,24 @@
     ros2 run ... or: python ros2_node.py --ros-args -p database:=terrain.db -p vehicle:=vehicle.toml -p site:=quarry
         -r odom:=/odometry/filtered -r joint_states:=/joint_states -r image:=/camera/image_raw -r imu:=/imu/data
 
-Names of joints are those of the wheels in vehicle.toml. Positions are to be in a frame that stays, such as a map's.
+Names of joints are those of the wheels in vehicle.toml; other joints are left out. Positions are to be in a frame that
+stays, such as a map's. Storing the drive takes as long as a run does: under `ros2 launch` set `sigterm_timeout` and
+`sigkill_timeout` to minutes, or the drive is left in its journal, which the node names when it begins again.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 import rclpy
-from bevameter import LiveTraverse
+from bevameter import InputError, LiveTraverse
 from bevameter.framework.live.events import SoilDeparts
 from nav_msgs.msg import Odometry
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image, Imu, JointState
@@ -30,7 +36,10 @@ class Terrain(Node):
             self.declare_parameter(name, default)
         database, vehicle, site = (self.get_parameter(name).value for name in ("database", "vehicle", "site"))
         self.live = LiveTraverse(database, vehicle, site=site, shared_speed=True)
+        self.wheels = {wheel.name for wheel in self.live.vehicle.wheels}
         self.speed_m_s = math.nan
+        for problem in self.live.problems:
+            self.get_logger().warning(problem)
         self.ground = self.create_publisher(String, "ground", 10)
         self.live.subscribe(self.tell)
         for kind, topic, callback in (
@@ -39,8 +48,15 @@ class Terrain(Node):
             (Image, "image", self.on_image),
             (Imu, "imu", self.on_imu),
         ):
-            self.create_subscription(kind, topic, callback, qos_profile_sensor_data)
+            self.create_subscription(kind, topic, partial(self.take, callback), qos_profile_sensor_data)
         self.create_timer(0.5, self.publish)
+
+    def take(self, callback: Callable[[Any], None], message: Any) -> None:
+        """Hand over a message; one that cannot be used, such as a pose of NaN, ends nothing."""
+        try:
+            callback(message)
+        except (InputError, ValueError) as error:
+            self.get_logger().warning(str(error))
 
     def on_odometry(self, message: Odometry) -> None:
         """Hand over the pose; keep the speed for the wheels."""
@@ -51,11 +67,14 @@ class Terrain(Node):
 
     def on_joints(self, message: JointState) -> None:
         """Hand over speed and torque of each wheel."""
-        torques = message.effort or [math.nan] * len(message.name)
-        for name, speed, torque in zip(message.name, message.velocity, torques, strict=True):
-            self.live.wheel(
-                seconds(message), wheel=name, wheel_speed_rad_s=speed, torque_Nm=torque, travel_speed_m_s=self.speed_m_s
-            )
+        unknown = [math.nan] * len(message.name)  # drivers may leave out speeds or torques
+        channels = message.name, message.velocity or unknown, message.effort or unknown
+        for name, speed, torque in zip(*channels, strict=True):
+            if name in self.wheels:
+                self.live.wheel(
+                    seconds(message), wheel=name, wheel_speed_rad_s=speed, torque_Nm=torque,
+                    travel_speed_m_s=self.speed_m_s,
+                )  # fmt: skip
 
     def on_image(self, message: Image) -> None:
         """Hand over an image of three channels, or grey."""
@@ -98,11 +117,14 @@ def main() -> None:
     node = Terrain()
     try:
         rclpy.spin(node)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        summary = node.live.close()
-        print(f"{summary.distance_m:.0f} m, {summary.observations_new} observations stored")
+        try:
+            summary = node.live.close()
+            print(f"{summary.distance_m:.0f} m, {summary.observations_new} observations stored")
+        except InputError as error:  # no sample came, or the database cannot be written
+            print(error)
 
 
 if __name__ == "__main__":

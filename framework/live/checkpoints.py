@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from .intake import Intake
 from .journal import Journal
 from .log import Part
-from .observing import Observing
+from .observing import Observing, described
 
 PERIOD_S = 5.0
 """A power cut loses no more than this, and the newest image and window of sound [s]."""
@@ -67,7 +67,10 @@ class Checkpoints:
         following = time.monotonic() + PERIOD_S
         while not self._ends.wait(max(following - time.monotonic(), 0.0)) and threading.main_thread().is_alive():
             following = time.monotonic() + PERIOD_S
-            self.take()
+            try:
+                self.take()
+            except Exception as error:  # the next one may be possible; without a word none would be written any more
+                self._say(f"a checkpoint failed: {described(error)}")
 
     def take(self) -> None:
         """Write a checkpoint now."""

@@ -103,14 +103,18 @@ class LiveDrive:
         self._recording = replace(drive, camera=self.intake.camera, sound=self.intake.sound)
         self._unfinished = unfinished(url_of(database))
         self.needed_s = -math.inf
-        self._closing = threading.Lock()
-        self._is_ended = self._is_stored = False
+        self._closing = threading.RLock()
+        self._is_ended = self.is_stored = False
         self._processed: Processed | None = None
         self._observing = self._senses_at_work()
-        if state:
-            self._restore(state)
+        try:
+            if state:
+                self._restore(state)
+            self.now = self._begin_now()
+        except BaseException:  # another try may open the journal
+            self.journal.close()
+            raise
         self._blas = threadpool_limits(1)  # the senses' threads fill the cores by themselves
-        self.now = self._begin_now()
         self._checkpoints = Checkpoints(
             self.journal, self.intake, self._observing, self._state, self.now.settle, self.now.trouble
         )
@@ -220,26 +224,32 @@ class LiveDrive:
     def end(self, *, to_be_resumed: bool = False) -> None:
         """Give on all that waits, or forget it where the drive is to be resumed; write away what was observed."""
         with self._closing:
-            if self._is_ended:
-                return
-            self._is_ended = True
-            if to_be_resumed:
-                for each in self._observing.values():
-                    each.leave()
-                self.intake.leave()
-            else:
-                self.intake.end()
-            for each in self._observing.values():
-                each.end()
-            self.now.end()
-            self._checkpoints.end()
-            self._blas.restore_original_limits()
+            if not self._is_ended:
+                self._is_ended = True
+                self._end(to_be_resumed)
             if to_be_resumed:
                 self.journal.close()
 
+    def _end(self, to_be_resumed: bool) -> None:
+        if to_be_resumed:
+            for each in self._observing.values():
+                each.leave()
+            self.intake.leave()
+        else:
+            self.intake.end()
+        for each in self._observing.values():
+            each.end()
+        self.now.end()
+        self._checkpoints.end()
+        self._blas.restore_original_limits()
+
     def close(self, digest: str | None) -> TraverseSummary:
         """End the drive, and store it; see `LiveTraverse.close`."""
-        if self._is_stored:
+        with self._closing:
+            return self._close(digest)
+
+    def _close(self, digest: str | None) -> TraverseSummary:
+        if self.is_stored:
             raise InputError("LiveTraverse", "closed before", expected="a drive that goes on")
         self.end()
         if not math.isfinite(self.intake.clock_s):
@@ -250,10 +260,11 @@ class LiveDrive:
         try:
             summary = store(self._processed, self._database)
         except InputError as error:
+            self.journal.close()  # it may be resumed at once, here or elsewhere
             raise InputError(
                 error.source, f"{error.problem}; the drive is kept in {self.journal.path}", expected=error.expected
             ) from error
-        self._is_stored = True
+        self.is_stored = True
         self.journal.remove()
         return summary
 

@@ -18,6 +18,8 @@ from ..core.recording.readers import vehicle_near
 from ..core.recording.types import Recording
 from ..core.vehicle import Vehicle, as_vehicle
 from ..summary import TraverseSummary
+from .clock import DriveClock
+from .intake import STREAMS
 from .live import LiveTraverse
 from .log import WHEEL, WheelRow
 
@@ -68,6 +70,7 @@ class Following:
         self._messages = self._bag.messages()
         self._beginning = look_at(self._messages, self.source.path, self._bag.problems, driven, topic_map)
         self._increments: BagIncrements | None = None
+        self._clock = DriveClock()
 
     @property
     def recording(self) -> Recording:
@@ -98,18 +101,28 @@ class Following:
         self._beginning.held.clear()
         while held:
             for sample in increments.take(held.pop()):
-                _hand_over(live, sample, show)
+                self._put(live, sample, show)
         for message in self._messages:
             for sample in increments.take(message):
-                _hand_over(live, sample, show)
+                self._put(live, sample, show)
         for sample in increments.end():
-            _hand_over(live, sample, show)
+            self._put(live, sample, show)
+        for stream in STREAMS:
+            for time_s, values in self._clock.let_go(stream):
+                _hand_over(live, Sample(stream, time_s, values), show)
+
+    def _put(self, live: LiveTraverse, sample: Sample, show: Callable[[float, np.ndarray], None] | None) -> None:
+        # On the drive's clock already here: `needed_s` of a drive that is resumed is, too.
+        for time_s, values in self._clock.on_one_clock(*sample):
+            _hand_over(live, Sample(sample.stream, time_s, values), show)
 
     def close(self, live: LiveTraverse) -> TraverseSummary:
         """End the drive and store it, so that `run_traverse` finds it again by the file; see `LiveTraverse.close`."""
         assert self._increments is not None
         summary = live.close(self._increments.digest)
-        said = dict.fromkeys((*summary.problems, *self._bag.problems, *self._increments.problems))
+        said = dict.fromkeys(
+            (*summary.problems, *self._clock.problems, *self._bag.problems, *self._increments.problems)
+        )
         return replace(summary, problems=tuple(said))
 
 

@@ -14,6 +14,9 @@ from ..fusion import Belief, fuse
 from ..segments import LEAST_CLASS_PROBABILITY, change_probability
 from ..sense_map import PRIOR_CORRELATION, SenseMap, look_correlation
 
+FARTHEST_M = 100.0
+"""Longest and widest strip ahead [m]: no sense sees farther, and a cell of each square is made."""
+
 
 class GroundByNow:
     """The senses' maps, fused where one asks.

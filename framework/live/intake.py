@@ -20,6 +20,7 @@ from .streams import LiveCamera, LiveSound
 from .track import KEPT_S, LiveTrack
 
 IMAGE, SOUND = "image", "sound"
+STREAMS = (POSE, WHEEL, IMU, IMAGE, SOUND)
 
 LONGEST_BLOCK_S = 1.0
 """Blocks of sound are no longer, where a drive is resumed [s]."""
@@ -58,7 +59,7 @@ class Intake:
         self.has_ended = False
         self.follow_wheel: Callable[[float, WheelRow], None] | None = None
         self._horizon_s, self._lossless, self._offset = horizon_s, lossless, offset
-        self._waiting: dict[str, InOrder[Any]] = {each: InOrder() for each in (POSE, WHEEL, IMU, IMAGE, SOUND)}
+        self._waiting: dict[str, InOrder[Any]] = {each: InOrder() for each in STREAMS}
         self._newest: dict[str, float] = {}
         self._speed_of: str | None = None
 
@@ -147,6 +148,7 @@ class Intake:
             state = {
                 "passed_s": {stream: time_s for stream, time_s in passed.items() if math.isfinite(time_s)},
                 "reads": {name: [each.is_used for each in streams] for name, streams in self.of_senses.items()},
+                "clock": self._clock.state(),
                 "images": self.camera.count,
                 "sound_samples": self.sound.samples,
                 "sound_rate": self.sound.rate,
@@ -196,8 +198,9 @@ class Intake:
             needed.append(sound_s - LONGEST_BLOCK_S)  # the block that holds a time begins before it
         self.camera.count = state["images"]
         self.track.go_on(max(needed, default=-math.inf))
-        self._clock.newest_s = min(needed, default=-math.inf)
-        return self._clock.newest_s
+        needed_s = min(needed, default=-math.inf)
+        self._clock.restore(state["clock"], needed_s)
+        return needed_s
 
     def end(self) -> None:
         """Give on all that waits, and say that nothing more will come."""
@@ -237,8 +240,6 @@ class Intake:
             )
             if each.dropped
         )
-        wrong = self._clock.wrong
-        stamps = (f"{wrong} samples with times far from all others were left out",) if wrong else ()
         lost = self.track.lost
         places = (f"{lost} places were left out, no ground vehicle gets there",) if lost else ()
-        return (*late, *dropped, *self._clock.jumps, *stamps, *places)
+        return (*late, *dropped, *self._clock.problems, *places)

@@ -6,6 +6,7 @@ goes when the drive is stored.
 
 from __future__ import annotations
 
+import glob
 import io
 import json
 import sqlite3
@@ -21,7 +22,7 @@ from ..core.errors import InputError
 from .log import Part
 
 EXPECTED = "the journal of a drive of this version of Bevameter"
-_VERSION = 2
+_VERSION = 3
 _TABLES = (
     "CREATE TABLE IF NOT EXISTS state (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
     "CREATE TABLE IF NOT EXISTS parts (number INTEGER PRIMARY KEY, stream TEXT NOT NULL, rows BLOB NOT NULL)",
@@ -82,14 +83,21 @@ class Journal:
         """Read the state back."""
         with self._connected() as connection:
             found = connection.execute("SELECT name, value FROM state").fetchall()
-        return {name: json.loads(value) for name, value in found}
+        try:
+            return {name: json.loads(value) for name, value in found}
+        except ValueError as error:
+            raise InputError(self.path, f"damaged: {error}", expected=EXPECTED) from error
 
     def parts(self, stream: str) -> Iterator[dict[str, np.ndarray]]:
         """Read the parts of a stream back, in the order in which they were written."""
         query = "SELECT rows FROM parts WHERE stream = ? ORDER BY number"
         with self._connected() as connection:
             for (rows,) in connection.execute(query, (stream,)):
-                yield _unpacked(rows)
+                try:
+                    columns = _unpacked(rows)
+                except Exception as error:  # zipfile, zlib and numpy raise whatever they stumble over
+                    raise InputError(self.path, f"damaged: {error}", expected=EXPECTED) from error
+                yield columns
 
     def close(self) -> None:
         """Leave the file as it is."""
@@ -135,7 +143,7 @@ def unfinished(database: str | Path) -> tuple[Path, ...]:
     """Find the journals of drives into a database that neither were stored nor go on."""
     stem = _stem(database)
     found = []
-    for path in sorted(stem.parent.glob(f"{stem.name}.live-????????")):
+    for path in sorted(stem.parent.glob(f"{glob.escape(stem.name)}.live-????????")):
         with suppress(InputError), closing(Journal(path)) as journal:
             if "drive" in journal.state():
                 found.append(path)

@@ -24,7 +24,7 @@ from ..fusion import Belief
 from ..segments import CELL_SIZE_M
 from ..summary import TraverseSummary
 from .drive import LiveDrive, drive_like, new_drive
-from .ground import UnderWheels
+from .ground import FARTHEST_M, UnderWheels
 from .intake import IMAGE, SOUND
 from .log import IMU, POSE, WHEEL
 from .now import Trust
@@ -164,7 +164,9 @@ class LiveTraverse:
 
     @property
     def needed_s(self) -> float:
-        """Of a drive that is resumed: samples from this time on are taken once more, where the caller has them [s]."""
+        """Of a drive that is resumed: samples from this time on, by the drive's clock, are taken once more, where the
+        caller has them [s].
+        """
         return self._drive.needed_s
 
     @property
@@ -178,10 +180,10 @@ class LiveTraverse:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None:
-            self.close()
-        else:
+        if kind is not None:
             self._drive.end(to_be_resumed=True)
+        elif not self._drive.is_stored:  # the block may have closed it, for its summary
+            self.close()
 
     def pose(self, t: float, x: float, y: float, yaw: float) -> None:
         """Hand over where the vehicle's reference point is.
@@ -298,8 +300,17 @@ class LiveTraverse:
         Parameters
         ----------
         length_m, width_m
-            Of the strip [m].
+            Of the strip [m], up to `ground.FARTHEST_M`.
+
+        Raises
+        ------
+        InputError
+            One of them is no such length.
         """
+        for name, value in (("length_m", length_m), ("width_m", width_m)):
+            expected = f"a length above 0 and up to {FARTHEST_M:g} m"
+            if not 0.0 < number(name, value, expected) <= FARTHEST_M:
+                raise refused(name, value, expected)
         return self._drive.now.ahead(length_m, width_m)
 
     def under_wheels(self) -> UnderWheels | None:

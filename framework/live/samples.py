@@ -41,10 +41,12 @@ def sound_of(block: ArrayLike, sample_rate_Hz: object) -> tuple[np.ndarray, int]
     low, high = SAMPLE_RATES
     if not low <= rate <= high or rate != round(rate):
         raise InputError("sound", f"{rate:g} Hz", expected=f"a whole number from {low} to {high} Hz")
-    samples = np.array(block, dtype=np.float32)
-    samples = samples[:, None] if samples.ndim == 1 else samples
-    if samples.ndim != 2 or samples.shape[1] > MAX_CHANNELS:
-        raise InputError("sound", f"shape {np.shape(block)}", expected="samples (m,), or (m, channels)")
+    given = np.asarray(block)
+    if given.dtype.kind != "f":  # whole numbers would be taken for a sound that is thousands of times too loud
+        raise InputError("sound", f"samples of {given.dtype}", expected="numbers with a point, in [-1, 1]")
+    samples = np.array(given if given.ndim != 1 else given[:, None], dtype=np.float32)
+    if samples.ndim != 2 or not 1 <= samples.shape[1] <= MAX_CHANNELS:
+        raise InputError("sound", f"shape {given.shape}", expected="samples (m,), or (m, channels)")
     return samples, round(rate)
 
 

@@ -82,7 +82,8 @@ class LiveTrack:
     @property
     def last_pose_s(self) -> float:
         """Time of the last pose [s]; minus infinity where there is none."""
-        return float(self._poses.rows()[-1, 0]) if len(self._poses) else -math.inf
+        with self._lock:
+            return float(self._poses.rows()[-1, 0]) if len(self._poses) else -math.inf
 
     def covers(self, time_s: float) -> bool:
         """Say whether no later sample is to be waited for to know the place and speed at a time [s]."""

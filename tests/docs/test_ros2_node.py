@@ -46,10 +46,10 @@ class Node:
 @pytest.fixture
 def example(monkeypatch):
     """The example's module, on a stand-in for ROS."""
-    names = ("Odometry", "Image", "Imu", "JointState", "String")
+    names = ("Odometry", "Image", "Imu", "JointState", "String", "ExternalShutdownException")
     kinds = {name: type(name, (SimpleNamespace,), {}) for name in names}
-    for name in ("rclpy", "rclpy.node", "rclpy.qos", "nav_msgs", "nav_msgs.msg", "sensor_msgs", "sensor_msgs.msg",
-                 "std_msgs", "std_msgs.msg"):  # fmt: skip
+    for name in ("rclpy", "rclpy.executors", "rclpy.node", "rclpy.qos", "nav_msgs", "nav_msgs.msg", "sensor_msgs",
+                 "sensor_msgs.msg", "std_msgs", "std_msgs.msg"):  # fmt: skip
         module = ModuleType(name)
         module.__dict__.update(kinds, Node=Node, qos_profile_sensor_data=None)
         monkeypatch.setitem(sys.modules, name, module)
@@ -88,8 +88,8 @@ def test_messages_of_a_drive_are_handed_over(example, short_drive, tmp_path, mon
         x, y, yaw = (float(np.interp(time_s, pose.time_s, each)) for each in (pose.x_m, pose.y_m, pose.yaw_rad))
         node.callbacks["odom"](odometry(time_s, x, y, yaw, float(wheel["travel_speed_m_s"][row])))
         node.callbacks["joint_states"](SimpleNamespace(
-            header=header(time_s), name=["wheel"], velocity=[float(wheel["wheel_speed_rad_s"][row])],
-            effort=[float(wheel["torque_Nm"][row])],
+            header=header(time_s), name=["arm", "wheel"], velocity=[0.0, float(wheel["wheel_speed_rad_s"][row])],
+            effort=[0.0, float(wheel["torque_Nm"][row])],
         ))  # fmt: skip
         node.callbacks["imu"](SimpleNamespace(
             header=header(time_s), angular_velocity=xyz(), linear_acceleration=xyz(z=9.81)
@@ -101,6 +101,9 @@ def test_messages_of_a_drive_are_handed_over(example, short_drive, tmp_path, mon
                 header=header(frame.time_s), encoding="rgb8", height=480, width=640, step=1920, data=rgb.tobytes()
             ))  # fmt: skip
     node.callbacks["image"](SimpleNamespace(header=header(4.0), encoding="16UC1"))
+    node.callbacks["joint_states"](SimpleNamespace(header=header(4.0), name=["wheel"], velocity=[], effort=[]))
+    node.callbacks["odom"](odometry(4.0, math.nan, 0.0, 0.0, 0.0))
+    assert node.published[-1] == "pose, x: nan (expected a finite number)"
     for timer in node.timers:
         timer()
     summary = node.live.close()

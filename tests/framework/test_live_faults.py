@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sqlite3
+import threading
 
 import numpy as np
 import pytest
 from bevameter import InputError, LiveTraverse, TerrainDatabase
 from bevameter.database import schema
+from bevameter.framework.live import checkpoints
 from bevameter.framework.live.events import Trouble
 from bevameter.vision.sense import Vision
 from live_drives import begun, rover
@@ -32,25 +34,58 @@ def test_a_database_that_is_locked_is_written_when_it_is_free(tmp_path, monkeypa
         assert len(database.drives()) == 1
 
 
+def test_a_drive_whose_block_cannot_store_it_is_resumed_at_once(tmp_path, monkeypatch):
+    """In the same process."""
+    monkeypatch.setattr(schema, "BUSY_TIMEOUT_S", 0.1)
+    path = tmp_path / "t.db"
+    TerrainDatabase(path).make()
+    holder = sqlite3.connect(path, isolation_level=None)
+    live = LiveTraverse(path, rover(), site="field")
+    for time_s in (0.0, 1.0):
+        live.pose(time_s, time_s, 0.0, 0.0)
+    holder.execute("BEGIN IMMEDIATE")
+    with pytest.raises(InputError, match="locked"), live:
+        pass
+    holder.close()
+    with LiveTraverse(path, rover(), site="field", resume=live.journal) as again:
+        assert again.close().distance_m == pytest.approx(1.0)  # for its summary; the block closes it no second time
+
+
+def test_a_journal_that_is_damaged_is_refused(tmp_path):
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for number in range(500):
+        live.pose(0.1 * number, 0.1 * number, 0.0, 0.0)
+    live.__exit__(KeyboardInterrupt, None, None)
+    data = live.journal.read_bytes()
+    at = data.index(b"c 0.npy") + 2000
+    live.journal.write_bytes(data[:at] + bytes(100) + data[at + 100 :])
+    for _ in range(2):  # the first try leaves it closed
+        with pytest.raises(InputError, match=f"{live.journal}: damaged: .*c 0.npy"):
+            LiveTraverse(tmp_path / "t.db", rover(), site="field", resume=live.journal)
+    live.journal.write_bytes(data)
+    with LiveTraverse(tmp_path / "t.db", rover(), site="field", resume=live.journal) as again:
+        assert again.close().distance_m == pytest.approx(49.8)  # the last pose waited for late ones
+
+
 def test_a_full_disk_loses_nothing_that_fits_into_memory(tmp_path, monkeypatch):
     told = []
     live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
     live.subscribe(told.append)
-    checkpoints, write = live._drive._checkpoints, live._drive.journal.write
+    written, write = live._drive._checkpoints, live._drive.journal.write
 
     def full(parts, state):
         raise InputError(live.journal, "database or disk is full")
 
     live.pose(0.0, 0.0, 0.0, 0.0)
-    checkpoints.take()
+    written.take()
     monkeypatch.setattr(live._drive.journal, "write", full)
     for time_s in range(1, 4):
         live.pose(time_s, time_s, 0.0, 0.0)
-        checkpoints.take()
+        written.take()
     assert "all is kept in memory" in live.problems[-1]
     monkeypatch.setattr(live._drive.journal, "write", write)
     live.pose(4.0, 4.0, 0.0, 0.0)
-    checkpoints.take()
+    written.take()
     assert live.problems == ()
     assert live.close().distance_m == pytest.approx(4.0)
     assert [type(each) for each in told] == [Trouble, Trouble]  # events are told in a thread, which has ended
@@ -69,6 +104,57 @@ def test_a_clock_that_is_set_back_costs_nothing(tmp_path):
     live, way = stamped(tmp_path, [*np.arange(1000.0, 1010.0, 0.1), *np.arange(20.0, 30.0, 0.1)])
     assert way == pytest.approx(19.9)
     assert live.problems == ("the clock jumped back by 989.9 s at 1009.9 s; times go on from there",)
+
+
+def test_a_clock_that_was_set_back_is_known_to_a_drive_that_is_resumed(tmp_path):
+    """The wheels' samples are needed from long before; time stamps go on as they were."""
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    stamps = [*np.arange(1000.0, 1010.0, 0.1), *np.arange(20.0, 40.0, 0.1)]
+    for number, stamp_s in enumerate(stamps[:200]):
+        live.pose(stamp_s, 0.1 * number, 0.0, 0.0)
+        if number < 20:
+            live.wheel(stamp_s, load_N=500.0)
+    live.__exit__(KeyboardInterrupt, None, None)
+    again = LiveTraverse(tmp_path / "t.db", rover(), site="field", resume=live.journal)
+    assert again.needed_s == pytest.approx(1001.9)
+    for number, stamp_s in enumerate(stamps[200:], start=200):
+        again.pose(stamp_s, 0.1 * number, 0.0, 0.0)
+    assert again.problems == ("the clock jumped back by 989.9 s at 1009.9 s; times go on from there",)
+    assert again.close().distance_m == pytest.approx(29.9)
+
+
+def test_sensors_with_clocks_of_their_own_end_up_on_one(tmp_path):
+    """Each is put on it once, not again and again."""
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for time_s in np.arange(0.0, 30.0, 0.1).tolist():
+        live.pose(time_s, time_s, 0.0, 0.0)
+        live.wheel(1e6 + time_s, load_N=500.0)
+        live.imu(1e9 + time_s, wx=0.0, wy=0.0, wz=0.0, ax=0.0, ay=0.0, az=9.81)
+    assert [problem.split(" at ")[0] for problem in live.problems if "clock" in problem] == [
+        "wheel has a clock of its own", "imu has a clock of its own"
+    ]  # fmt: skip
+    summary = live.close()
+    assert summary.distance_m == pytest.approx(29.9)
+    assert summary.duration_s == pytest.approx(29.9)
+
+
+def test_a_checkpoint_that_fails_is_told_and_the_next_is_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoints, "PERIOD_S", 0.02)
+    live, told = LiveTraverse(tmp_path / "t.db", rover(), site="field"), threading.Event()
+    settle, failures = live._drive._checkpoints._settle, iter(["out of order"])
+    live.subscribe(lambda event: told.set() if "out of order" in event.text else None)
+
+    def fails_once():
+        for text in failures:
+            raise RuntimeError(text)
+        settle()
+
+    monkeypatch.setattr(live._drive._checkpoints, "_settle", fails_once)
+    assert told.wait(5.0)
+    for time_s in (0.0, 1.0):
+        live.pose(time_s, time_s, 0.0, 0.0)
+    assert live.close().distance_m == pytest.approx(1.0)
+    assert live.problems == ()
 
 
 def test_a_pause_is_no_jump_and_a_wrong_stamp_leaves_no_trace(tmp_path):

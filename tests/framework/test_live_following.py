@@ -18,7 +18,7 @@ from bevameter.framework.live.log import WheelRow, table_of_rows, wheel_of
 from every_bag import Drive
 from forked import forked, heard
 from live_drives import assert_same
-from mcap_drive import grow, write_mcap
+from mcap_drive import grow, header, make, write, write_mcap
 from robot_bag import VEHICLE_TOML, RobotBag, drive
 
 VEHICLE = Vehicle(wheels=(Wheel(radius_m=0.2, width_m=0.1),))
@@ -187,6 +187,32 @@ def test_a_file_that_became_shorter_keeps_the_drive_in_its_journal(whole, tmp_pa
     again.hand_over(resumed)
     again.close(resumed)
     assert_same(drive_in(tmp_path / "live.db"), stored_by_run(whole, tmp_path / "run.db"))
+
+
+def test_a_drive_whose_clock_was_set_back_is_resumed_where_it_was(tmp_path):
+    """By the drive's clock, which goes on: time stamps are earlier after the jump."""
+    whole, cut = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
+    stamps = np.concatenate([np.arange(20.0, 40.0, 0.05), np.arange(5.0, 15.0, 0.05)])
+    kind, given = "geometry_msgs/msg/PoseStamped", []
+    turn = make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+    for number, time_s in enumerate(stamps.tolist()):
+        place = make("geometry_msgs/msg/Point", x=0.01 * number, y=0.0, z=0.0)
+        pose = make("geometry_msgs/msg/Pose", position=place, orientation=turn)
+        given.append((time_s, "/pose", kind, make(kind, header=header(time_s, "map"), pose=pose)))
+    for path, count in ((whole, len(given)), (cut, 500)):
+        with path.open("wb") as file:
+            write(file, iter(given[:count]))
+    following = Following(cut, vehicle=VEHICLE, idle_s=0.1)
+    live = following.begin(tmp_path / "t.db", models=Models({}, {}), site="field")
+    following.hand_over(live)
+    assert live.clock_s == pytest.approx(24.9)
+    live.__exit__(KeyboardInterrupt, None, None)
+    again = Following(whole, vehicle=VEHICLE)
+    resumed = again.begin(tmp_path / "t.db", models=Models({}, {}), site="field", resume=live.journal)
+    again.hand_over(resumed)
+    summary = again.close(resumed)
+    assert summary.distance_m == pytest.approx(0.01 * (len(stamps) - 1))
+    assert sum("the clock jumped back" in problem for problem in summary.problems) == 1
 
 
 def test_memory_holds_no_more_than_the_first_seconds(whole, tmp_path, monkeypatch):

@@ -7,8 +7,8 @@ that of the scenario `short`, over and over, as fast as it is taken: poses and w
 image every 4 s. Of each hour the camera is lost for ten minutes, the microphone for five, the poses for half a minute.
 The process is killed (SIGKILL) at random moments of the first half and resumed from its journal; in the second half it
 is left alone, and its memory is watched. The database is locked by another program when the drive is closed. With
-`--jump` the clock is set back by a minute after each hour: a run sorts such times, so that it is given the recording
-without the jumps.
+`--jump S` the clock is set back by a minute after each S seconds: a run sorts such times, so that it is given the
+recording without the jumps.
 """
 
 from __future__ import annotations
@@ -168,13 +168,13 @@ def begun(made: Endless, models: Models, database: Path, **options) -> LiveTrave
     )  # fmt: skip
 
 
-def hand_over(made: Endless, live: LiveTraverse, connection: Connection, jump: bool) -> None:
+def hand_over(made: Endless, live: LiveTraverse, connection: Connection, jump: float) -> None:
     """Hand over all samples from `needed_s` on, and say how far it is."""
     steps_of_image, steps_of_sound = round(IMAGE_S / STEP_S), round(1.0 / STEP_S)
     from_step = max(math.floor(max(live.needed_s, 0.0) / STEP_S) - 1, 0)
     for step in range(from_step, made.steps):
         time_s = STEP_S * step
-        stamp_s = time_s - (60.0 * (time_s // HOUR_S) if jump else 0.0)
+        stamp_s = time_s - (60.0 * (time_s // jump) if jump else 0.0)
         if time_s >= live.needed_s:
             if (pose := made.pose(step)) is not None:
                 live.pose(stamp_s, *pose)
@@ -188,7 +188,7 @@ def hand_over(made: Endless, live: LiveTraverse, connection: Connection, jump: b
             connection.send(("at", time_s, resident_bytes()))
 
 
-def drive(connection: Connection, folder: Path, database: Path, hours: float, jump: bool) -> None:
+def drive(connection: Connection, folder: Path, database: Path, hours: float, jump: float) -> None:
     """Drive on, from where the drive was cut off if it was; the database is locked when the drive is first closed."""
     checkpoints.PERIOD_S, schema.BUSY_TIMEOUT_S = 0.5, 0.1  # the feed is much faster than the time that it is of
     made, left = Endless(read_recording(folder), hours), unfinished(database)
@@ -213,7 +213,7 @@ def resident_bytes() -> int:
     return next(int(line.split()[1]) * 1024 for line in status.splitlines() if line.startswith("VmRSS"))
 
 
-def driven(folder: Path, database: Path, hours: float, kills: int, seed: int, jump: bool) -> dict:
+def driven(folder: Path, database: Path, hours: float, kills: int, seed: int, jump: float) -> dict:
     """Drive in a process of its own, killed `kills` times in the first half."""
     TerrainDatabase(database).make()
     rng, began = random.Random(seed), time.monotonic()
@@ -291,7 +291,9 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=6.0)
     parser.add_argument("--kills", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jump", action="store_true", help="set the clock back after each hour")
+    parser.add_argument(
+        "--jump", type=float, default=0.0, metavar="S", help="set the clock back by a minute after each so many seconds"
+    )
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     parser.add_argument("--write", action="store_true", help="write docs/measured/live-six-hours.json")
     given = parser.parse_args()

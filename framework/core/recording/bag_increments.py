@@ -127,7 +127,7 @@ class BagIncrements:
     beginning
         What was recognised.
     from_s
-        No image before it is needed [s].
+        No image before it is needed [s], by times that go on after the clock was set back.
     """
 
     def __init__(self, beginning: Beginning, from_s: float = -math.inf):
@@ -260,13 +260,14 @@ class BagIncrements:
         self._gathered.attitude.clear()
         self._newest_ns = self._merged_ns = time_ns
         self._given_ns = time_ns - 1
+        self._from_s = -math.inf  # is of a clock that went on
 
     def _complete_ns(self) -> int:
         """Up to when nothing more is expected of the topics that rows are made of [ns]."""
         last = [each.last_ns for each in self._wheels]
         if self._decided.leans and self._gathered.attitude:
             last.append(int(self._gathered.attitude[-1][0]))
-        return max(min(last), self._newest_ns - self._gap_ns) - self._angle_ns
+        return max(min(last, default=self._newest_ns), self._newest_ns - self._gap_ns) - self._angle_ns
 
     def _rows(self, until_ns: int) -> Iterator[Sample]:
         """Give the wheels' rows up to a time [ns], and forget what no later row needs."""
