@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import TOPICS, stated_frame
+from .options import TOPICS, Heading, OffsetPlace, OriginPlace, stated_frame
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -36,21 +35,9 @@ def command(
     topics: Annotated[Path | None, typer.Option("--topics", help=TOPICS)] = None,
     models: Annotated[list[str] | None, typer.Option("--models", help="As of bevameter run; may be repeated.")] = None,
     site: Annotated[str | None, typer.Option("--site", help="Site, instead of the file's own.")] = None,
-    origin: Annotated[
-        tuple[str, str] | None,
-        typer.Option("--origin", metavar="LAT LON", help="Where on Earth x = y = 0 of the places lies, WGS 84 [deg]."),
-    ] = None,
-    heading: Annotated[
-        str | None, typer.Option("--heading", help="With --origin: direction of y, clockwise from north [deg]; 0.")
-    ] = None,
-    offset: Annotated[
-        tuple[str, str, str] | None,
-        typer.Option(
-            "--offset",
-            metavar="X Y YAW",
-            help="Where x = y = 0 of the places lies at the site [m], and how x is turned there [deg].",
-        ),
-    ] = None,
+    origin: OriginPlace = None,
+    heading: Heading = None,
+    offset: OffsetPlace = None,
     idle: Annotated[
         float | None,
         typer.Option("--idle", metavar="S", min=0.0, help="End where nothing was written for so long [s]; never."),
@@ -91,7 +78,7 @@ def command(
 def _follow(following: Following, live: LiveTraverse, rerun: str | None, json: Path | None) -> None:
     """Hand over the file up to its end, or until Ctrl-C or SIGTERM, and store the drive."""
     from ..core.errors import BevameterError
-    from .printing import status, write_json
+    from .printing import every, status, write_json
     from .results_live import print_beginning, print_event, print_unstored, status_line
     from .results_run import print_summary
 
@@ -103,7 +90,7 @@ def _follow(following: Following, live: LiveTraverse, rerun: str | None, json: P
             with (
                 _shown(live, rerun) as show,
                 status(f"following {following.source.path}") as say,
-                _every(lambda: say(status_line(live, following))),
+                every(_STATUS_S, lambda: say(status_line(live, following))),
             ):
                 following.hand_over(live, show)
             with status("identifying the soil, and storing the drive"):
@@ -133,24 +120,6 @@ def _shown(live: LiveTraverse, to: str | None) -> Iterator[Callable[[float, np.n
         yield view.image
     if view.fault:
         print(f"warning: {to}: {view.fault}")
-
-
-@contextmanager
-def _every(function: Callable[[], None]) -> Iterator[None]:
-    """Call a function every moment, in a thread."""
-    ended = threading.Event()
-
-    def work() -> None:
-        while not ended.wait(_STATUS_S):
-            function()
-
-    teller = threading.Thread(target=work, daemon=True)
-    teller.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        teller.join()
 
 
 @contextmanager

@@ -32,6 +32,23 @@ Wheels = Annotated[
 ]
 
 
+OriginPlace = Annotated[
+    tuple[str, str] | None,
+    typer.Option("--origin", metavar="LAT LON", help="Where on Earth x = y = 0 of the places lies, WGS 84 [deg]."),
+]
+Heading = Annotated[
+    str | None, typer.Option("--heading", help="With --origin: direction of y, clockwise from north [deg]; 0.")
+]
+OffsetPlace = Annotated[
+    tuple[str, str, str] | None,
+    typer.Option(
+        "--offset",
+        metavar="X Y YAW",
+        help="Where x = y = 0 of the places lies at the site [m], and how x is turned there [deg].",
+    ),
+]
+
+
 def finite(name: str, text: str, unit: str = "m") -> float:
     """Read a number without a unit; raises `InputError`."""
     try:

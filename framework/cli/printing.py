@@ -134,13 +134,25 @@ def show_progress(*, quiet: bool = False, verbose: bool = False) -> None:
 @contextmanager
 def _lines(current: Callable[[], str]) -> Iterator[None]:
     """Print to stderr, line by line, what is being done and for how long: for logs and pipes."""
-    ended, began = threading.Event(), time.monotonic()
+    began = time.monotonic()
 
     def tell() -> None:
-        while not ended.wait(_Progress.every_s):
-            print(f"{current()} ({time.monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
+        print(f"{current()} ({time.monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
 
-    teller = threading.Thread(target=tell, daemon=True)
+    with every(_Progress.every_s, tell):
+        yield
+
+
+@contextmanager
+def every(period_s: float, function: Callable[[], None]) -> Iterator[None]:
+    """Call a function again and again, in a thread."""
+    ended = threading.Event()
+
+    def work() -> None:
+        while not ended.wait(period_s):
+            function()
+
+    teller = threading.Thread(target=work, daemon=True)
     teller.start()
     try:
         yield

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import BevameterError, InputError
-from .options import TOPICS, stated_frame
+from .options import TOPICS, Heading, OffsetPlace, OriginPlace, stated_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,21 +41,9 @@ def command(
         ),
     ] = None,
     site: Annotated[str | None, typer.Option("--site", help="Site, instead of the recordings' own.")] = None,
-    origin: Annotated[
-        tuple[str, str] | None,
-        typer.Option("--origin", metavar="LAT LON", help="Where on Earth x = y = 0 of the places lies, WGS 84 [deg]."),
-    ] = None,
-    heading: Annotated[
-        str | None, typer.Option("--heading", help="With --origin: direction of y, clockwise from north [deg]; 0.")
-    ] = None,
-    offset: Annotated[
-        tuple[str, str, str] | None,
-        typer.Option(
-            "--offset",
-            metavar="X Y YAW",
-            help="Where x = y = 0 of the places lies at the site [m], and how x is turned there [deg].",
-        ),
-    ] = None,
+    origin: OriginPlace = None,
+    heading: Heading = None,
+    offset: OffsetPlace = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
     report: Annotated[
         Path | None, typer.Option("--report", help="Write what was found of one recording as an HTML page.")
