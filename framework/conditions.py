@@ -23,7 +23,7 @@ from .core.recording.types import Recording
 from .core.vehicle import Vehicle, as_vehicle
 from .segments import CELL_SIZE_M
 
-METHOD = f"bevameter {version('bevameter')}, traverse 2"
+METHOD = f"bevameter {version('bevameter')}, traverse 3"
 """Version of what a run makes of a recording; a change of it is another processing of the same drive."""
 
 
