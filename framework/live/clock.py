@@ -9,7 +9,7 @@ JUMP_S = 5.0
 """A time stamp this far from the newest one is a jump of the clock, a pause, or wrong [s]."""
 
 _MOST_SHIFTS = 5
-"""So many clocks are known at once: each of five kinds of sensors may have its own, though none should."""
+"""So many settings of the clock are known at once: a sample may still be on its way since the one before."""
 
 _AGREEING = 3
 """So many samples of one sensor in a row, all after a jump, are believed."""
@@ -20,8 +20,9 @@ class DriveClock:
 
     A stamp far from the newest one is held until two more of its sensor agree with it: one that is wrong by itself
     leaves no trace. Forwards they are believed then, as after a pause. Backwards the clock was set: from there on the
-    drive's clock goes on from where it was, for all sensors. Where others went on meanwhile
-    the sensor has a clock of its own.
+    drive's clock goes on from where it was, for all sensors. Where others went on meanwhile the sensor has a clock of
+    its own. It is put on that of the others, which it does not move. Or what it gives is late: once it has caught up,
+    its stamps are nearer to the newest time as they are, and are taken so.
 
     Attributes
     ----------
@@ -36,16 +37,18 @@ class DriveClock:
         self.jumps: list[str] = []
         self.wrong = 0
         self._shifts = [0.0]
+        self._own: dict[str, float] = {}
         self._since: dict[str, float] = {}
         self._held: dict[str, list[tuple[float, Any]]] = {}
 
     def state(self) -> dict[str, Any]:
         """Give what a drive that is resumed has to know of it."""
-        return {"shifts": self._shifts, "jumps": self.jumps, "wrong": self.wrong}
+        return {"shifts": self._shifts, "own": self._own, "jumps": self.jumps, "wrong": self.wrong}
 
     def restore(self, state: dict[str, Any], newest_s: float) -> None:
         """Go on from a state, at a time [s]."""
-        self._shifts, self.jumps, self.wrong = list(state["shifts"]), list(state["jumps"]), state["wrong"]
+        self._shifts, self._own = list(state["shifts"]), dict(state["own"])
+        self.jumps, self.wrong = list(state["jumps"]), state["wrong"]
         self.newest_s = newest_s
 
     @property
@@ -56,9 +59,10 @@ class DriveClock:
 
     def on_one_clock(self, stream: str, stamp_s: float, sample: Any) -> list[tuple[float, Any]]:
         """Give samples of a sensor with their times [s], the new one the last; none while its stamp is in doubt."""
-        time_s = self._shifted(stamp_s)
+        time_s, is_own = self._shifted(stream, stamp_s)
         if abs(time_s - self.newest_s) <= JUMP_S or math.isinf(self.newest_s):
-            self.newest_s = max(self.newest_s, time_s)
+            if not is_own:
+                self.newest_s = max(self.newest_s, time_s)
             return [*self.let_go(stream), (time_s, sample)]
         held = self._held.setdefault(stream, [])
         if held and not held[-1][0] <= stamp_s <= held[-1][0] + JUMP_S:
@@ -72,9 +76,11 @@ class DriveClock:
         del self._held[stream]
         first = held[0][0]
         if self.newest_s > self._since[stream]:  # neither a pause nor a jump: the others went on meanwhile
-            self._shifts = [*self._shifts[1 - _MOST_SHIFTS :], self.newest_s - stamp_s]
-            self.jumps.append(f"{stream} has a clock of its own at {stamp_s:.1f} s; it is put on that of the others")
-        elif first + self._shifts[-1] < self.newest_s:
+            self._own[stream] = self.newest_s - stamp_s
+            said = f"{stream} has a clock of its own at {stamp_s:.1f} s, or is late"
+            self.jumps.append(f"{said}; it is put on that of the others")
+            return [(each + self._own[stream], one) for each, one in held]
+        if first + self._shifts[-1] < self.newest_s:
             back_s = self.newest_s - first - self._shifts[-1]
             said = f"the clock jumped back by {back_s:.1f} s at {self.newest_s:.1f} s"
             self.jumps.append(f"{said}; times go on from there")
@@ -84,11 +90,17 @@ class DriveClock:
 
     def let_go(self, stream: str) -> list[tuple[float, Any]]:
         """Give those that were held of a sensor, and that the clock has come up with since."""
-        held = [(self._shifted(each), one) for each, one in self._held.pop(stream, [])]
+        held = [(self._shifted(stream, each)[0], one) for each, one in self._held.pop(stream, [])]
         good = [each for each in held if abs(each[0] - self.newest_s) <= JUMP_S]
         self.wrong += len(held) - len(good)
         return good
 
-    def _shifted(self, stamp_s: float) -> float:
-        """Put a stamp on the clock: one that was on its way when the clock was set is still on the one before."""
-        return min((stamp_s + each for each in self._shifts), key=lambda time_s: abs(time_s - self.newest_s))
+    def _shifted(self, stream: str, stamp_s: float) -> tuple[float, bool]:
+        """Put a stamp on the clock, and say whether it is that of the sensor's own.
+
+        A stamp that was on its way when the clock was set is still on the one before.
+        """
+        shared = min((stamp_s + each for each in self._shifts), key=lambda time_s: abs(time_s - self.newest_s))
+        own = stamp_s + self._own[stream] if stream in self._own else math.inf
+        is_own = abs(own - self.newest_s) < abs(shared - self.newest_s)
+        return (own, True) if is_own else (shared, False)

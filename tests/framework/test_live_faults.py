@@ -10,6 +10,7 @@ import pytest
 from bevameter import InputError, LiveTraverse, TerrainDatabase
 from bevameter.database import schema
 from bevameter.framework.live import checkpoints
+from bevameter.framework.live.clock import DriveClock
 from bevameter.framework.live.events import Trouble
 from bevameter.vision.sense import Vision
 from live_drives import begun, rover
@@ -121,6 +122,22 @@ def test_a_clock_that_was_set_back_is_known_to_a_drive_that_is_resumed(tmp_path)
         again.pose(stamp_s, 0.1 * number, 0.0, 0.0)
     assert again.problems == ("the clock jumped back by 989.9 s at 1009.9 s; times go on from there",)
     assert again.close().distance_m == pytest.approx(29.9)
+
+
+def test_a_sensor_whose_samples_are_late_moves_no_clock():
+    """It falls eight seconds behind, catches up at twice the speed, and has its own times again."""
+    clock, made = DriveClock(), {}
+    for step in range(400):
+        time_s = 0.1 * step
+        clock.on_one_clock("pose", time_s, None)
+        assert clock.newest_s == pytest.approx(time_s)
+        late_s = float(np.interp(time_s, [10.0, 10.1, 20.0, 28.0], [0.0, 8.0, 8.0, 0.0]))
+        for shifted_s, stamp_s in clock.on_one_clock("wheel", time_s - late_s, time_s - late_s):
+            made[stamp_s] = shifted_s - stamp_s
+    shifts = np.array([made[stamp_s] for stamp_s in sorted(made)])
+    assert np.abs(shifts).max() <= 8.0
+    assert shifts[-1] == 0.0
+    assert len(clock.jumps) == 1
 
 
 def test_sensors_with_clocks_of_their_own_end_up_on_one(tmp_path):

@@ -27,7 +27,7 @@ try:
 except ModuleNotFoundError:
     pytest.skip("the extra view is not installed", allow_module_level=True)
 
-from bevameter import TerrainDatabase
+from bevameter import TerrainDatabase, framework
 from bevameter.framework.cli.main import app
 from devtools import CHROMIUM, Browser
 from old_schema import TO_FIRST
@@ -225,6 +225,7 @@ def test_bad_input_is_one_line(path, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
     assert "no site 'moon'" in said(str(path), "--site", "moon")
     assert "no such folder" in said(str(path), "--recordings", str(tmp_path / "none"))
+    monkeypatch.setattr(framework, "view", framework.view)  # put back afterwards: importing it anew replaces it
     monkeypatch.setitem(sys.modules, "bevameter.framework.view.start", None)
     monkeypatch.delitem(sys.modules, "bevameter.framework.view.start")
     monkeypatch.setitem(sys.modules, "bokeh", None)
