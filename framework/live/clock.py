@@ -15,14 +15,18 @@ _AGREEING = 3
 """So many samples of one sensor in a row, all after a jump, are believed."""
 
 
+_STEADY_S, _ALIKE = 1.0, 0.8
+"""A sensor has a clock of its own if for so long [s] its time and that of the others go on alike, by this share [-]."""
+
+
 class DriveClock:
     """Puts time stamps on one clock that does not jump back.
 
     A stamp far from the newest one is held until two more of its sensor agree with it: one that is wrong by itself
     leaves no trace. Forwards they are believed then, as after a pause. Backwards the clock was set: from there on the
-    drive's clock goes on from where it was, for all sensors. Where others went on meanwhile the sensor has a clock of
-    its own. It is put on that of the others, which it does not move. Or what it gives is late: once it has caught up,
-    its stamps are nearer to the newest time as they are, and are taken so.
+    drive's clock goes on from where it was, for all sensors. Where others went on meanwhile as fast as
+    it did, the sensor has a clock of its own. It is put on that of the others, which it does not move. Where it went on
+    more slowly or faster, what it gives is late, and left out until it has caught up.
 
     Attributes
     ----------
@@ -71,15 +75,22 @@ class DriveClock:
         if not held:
             self._since[stream] = self.newest_s
         held.append((stamp_s, sample))
+        first = held[0][0]
+        if (others_s := self.newest_s - self._since[stream]) > 0.0:  # neither a pause nor a jump: others went on
+            own_s = stamp_s - first
+            if max(own_s, others_s) < _STEADY_S:
+                return []
+            if min(own_s, others_s) < _ALIKE * max(own_s, others_s):  # late: it falls behind, or catches up
+                self.wrong += len(held)
+                held.clear()
+                return []
+            del self._held[stream]
+            self._own[stream] = self.newest_s - stamp_s
+            self.jumps.append(f"{stream} has a clock of its own at {stamp_s:.1f} s; it is put on that of the others")
+            return [(each + self._own[stream], one) for each, one in held]
         if len(held) < _AGREEING:
             return []
         del self._held[stream]
-        first = held[0][0]
-        if self.newest_s > self._since[stream]:  # neither a pause nor a jump: the others went on meanwhile
-            self._own[stream] = self.newest_s - stamp_s
-            said = f"{stream} has a clock of its own at {stamp_s:.1f} s, or is late"
-            self.jumps.append(f"{said}; it is put on that of the others")
-            return [(each + self._own[stream], one) for each, one in held]
         if first + self._shifts[-1] < self.newest_s:
             back_s = self.newest_s - first - self._shifts[-1]
             said = f"the clock jumped back by {back_s:.1f} s at {self.newest_s:.1f} s"
