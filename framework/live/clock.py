@@ -88,10 +88,11 @@ class DriveClock:
             self._own[stream] = self.newest_s - stamp_s
             self.jumps.append(f"{stream} has a clock of its own at {stamp_s:.1f} s; it is put on that of the others")
             return [(each + self._own[stream], one) for each, one in held]
-        if len(held) < _AGREEING:
+        is_back = first + self._shifts[-1] < self.newest_s
+        if len(held) < _AGREEING or (is_back and stamp_s - first < _STEADY_S):
             return []
         del self._held[stream]
-        if first + self._shifts[-1] < self.newest_s:
+        if is_back:
             back_s = self.newest_s - first - self._shifts[-1]
             said = f"the clock jumped back by {back_s:.1f} s at {self.newest_s:.1f} s"
             self.jumps.append(f"{said}; times go on from there")

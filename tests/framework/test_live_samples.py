@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from itertools import takewhile
 
 import numpy as np
 import pytest
@@ -38,19 +39,18 @@ def test_wheels_and_inertial_sensor_make_the_tables_of_a_recording(tmp_path):
 
 def test_sensors_hand_over_from_threads_of_their_own(live_recording, tmp_path):
     live = begun(live_recording, Models({}, {}), tmp_path / "t.db")
+    given = [list(takewhile(lambda each: each[0] <= 20.0, stream)) for stream in streams(live_recording, 0.0)]
     began, faults = time.monotonic(), []
 
     def hand_over(stream):
         try:
             for time_s, sample in stream:
-                if time_s > 20.0:
-                    return
                 time.sleep(max(began + time_s / 20.0 - time.monotonic(), 0.0))
                 sample(live)
         except Exception as error:
             faults.append(error)
 
-    threads = [threading.Thread(target=hand_over, args=(each,)) for each in streams(live_recording, 0.0)]
+    threads = [threading.Thread(target=hand_over, args=(each,)) for each in given]
     for each in threads:
         each.start()
     while any(each.is_alive() for each in threads):
