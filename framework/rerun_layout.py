@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 WHITE = (255, 255, 255)
-"""As in the other maps: classes are told apart on it."""
+"""Background of the views; the class colours are chosen to be distinguishable on white."""
 
 _NO_IMAGE = "- /world/vehicle/camera/image"
 """It would hide the ground."""

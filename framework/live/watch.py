@@ -42,7 +42,7 @@ class Watch:
         self._thread = threading.Thread(target=self._work, name="bevameter watch", daemon=True)
 
     def subscribe(self, subscriber: Subscriber) -> None:
-        """Have a subscriber told from now on, in the watch's thread."""
+        """Call a subscriber with each event from now on, in the thread of the watch."""
         self._subscribers.append(subscriber)
 
     def tell(self, event: Event) -> None:
