@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..framework.core.classifier.signal_to_noise import SignalToNoise, checked_numbers
 from ..framework.core.recording.channels import mixed
 from .features import FEATURE_NAMES, batch_features, frequencies, spectra_in_batches
 
@@ -24,7 +25,6 @@ _FULL_SCALE = 0.9995
 _LEAST_CLIP = 0.02
 _WIND_HZ = 150.0
 _TONE_BINS = slice(1, 97)
-_LIMIT = 6.0
 MEASURES = ("low_share_dB", "low_fluctuation", "tonality_dB", "floor_dB", "flatness_dB")
 """Measures of background noise, columns of what `features_and_noise` gives."""
 
@@ -164,37 +164,23 @@ def _batch_measures(power: np.ndarray) -> np.ndarray:
     )
 
 
-NOISE_FREE_DB = 35.0
-"""What is said of training sound as it came [dB]: its own background is not known, and more would change nothing."""
 DROWNED_DB = 5.0
 """Signal-to-noise ratio at which sound is not to be trusted any more [dB]: footsteps are recognised half as often."""
-LEAST_DB = -10.0
-"""Noise above that is not distinguished [dB]."""
-_RIDGE = (10.0, 100.0, 1000.0, 10000.0)
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Estimates from features and noise measures how far contact sound stands above the background.
+    """Estimates from features and noise measures how far contact sound stands above the background, and by what.
 
     Parameters
     ----------
-    mean, scale, coefficient : (d,)
-        Ridge regression on standard scores (Hoerl and Kennard 1970, doi:10.1080/00401706.1970.10488634).
-    intercept
-        [dB].
-    low_dB, high_dB
-        Estimates at which the quality reaches 0 and 1.
+    ratio
+        The estimate.
     usual_mean, usual_sd : (5,)
         Noise measures of training sound as it came: what is more than usual names the noise.
     """
 
-    mean: np.ndarray
-    scale: np.ndarray
-    coefficient: np.ndarray
-    intercept: float
-    low_dB: float
-    high_dB: float
+    ratio: SignalToNoise
     usual_mean: np.ndarray
     usual_sd: np.ndarray
 
@@ -204,16 +190,12 @@ class NoiseModel:
     ) -> tuple[NoiseModel, np.ndarray]:
         """Fit to training sound with known noise added.
 
-        Strength of the regularisation and both thresholds come from groups held out of the fit.
-
         Parameters
         ----------
         inputs : (n, d)
             Features, then noise measures (`noise_inputs`), finite.
-        snr_dB : (n,)
-            Signal-to-noise ratio of the noise added [dB]; `NOISE_FREE_DB` where none was.
-        groups : (n,)
-            What must stay on one side of a split.
+        snr_dB, groups : (n,)
+            As `SignalToNoise.fit` takes them.
         as_recorded : (n,)
             True for training sound as it came.
 
@@ -224,39 +206,9 @@ class NoiseModel:
         held_dB : (n,)
             What models that have not seen its group estimate of each [dB].
         """
-        from sklearn.linear_model import Ridge
-        from sklearn.model_selection import GroupKFold
-
-        mean, scale = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), 1e-6)
-        z = np.clip((inputs - mean) / scale, -_LIMIT, _LIMIT)
-        # How deep sound is drowned does not matter, and would bend the line where it does.
-        target = np.clip(snr_dB, LEAST_DB, NOISE_FREE_DB)
-        splits = min(5, len(np.unique(groups)))
-        folds = list(GroupKFold(splits).split(z, groups=groups)) if splits > 1 else [(np.arange(len(z)),) * 2]
-        held: dict[float, np.ndarray] = {}
-        for alpha in _RIDGE:
-            held[alpha] = np.empty(len(z))
-            for train, test in folds:
-                held[alpha][test] = Ridge(alpha=alpha).fit(z[train], target[train]).predict(z[test])
-        alpha = min(_RIDGE, key=lambda a: float(np.mean((held[a] - target) ** 2)))
-        ridge = Ridge(alpha=alpha).fit(z, target)
-        free, drowned = snr_dB >= NOISE_FREE_DB, np.abs(snr_dB - DROWNED_DB) < 3.0
-        high = float(np.quantile(held[alpha][free], 0.25))
-        low = float(np.median(held[alpha][drowned])) if drowned.any() else high - 20.0
+        ratio, held_dB = SignalToNoise.fit(inputs, snr_dB, groups, drowned_dB=DROWNED_DB)
         usual = inputs[as_recorded, -len(MEASURES) :]
-        model = NoiseModel(
-            mean, scale, ridge.coef_, float(ridge.intercept_), min(low, high - 3.0), high,
-            usual.mean(axis=0), np.maximum(usual.std(axis=0), 0.1),
-        )  # fmt: skip
-        return model, held[alpha]
-
-    def estimate(self, inputs: np.ndarray) -> np.ndarray:
-        """Estimate the signal-to-noise ratio [dB] of windows from their inputs (n, d): (n,), NaN where one is."""
-        return np.clip((inputs - self.mean) / self.scale, -_LIMIT, _LIMIT) @ self.coefficient + self.intercept
-
-    def clear(self, ratio_dB: np.ndarray) -> np.ndarray:
-        """Give the share of the quality that noise leaves at these ratios (n,) [dB], (n,); 0 where one is NaN."""
-        return np.nan_to_num(np.clip((ratio_dB - self.low_dB) / (self.high_dB - self.low_dB), 0.0, 1.0))
+        return NoiseModel(ratio, usual.mean(axis=0), np.maximum(usual.std(axis=0), 0.1)), held_dB
 
     def kind(self, measures: np.ndarray) -> list[str]:
         """Name the noise by what stands out most from training sound: n phrases for measures (n, 5)."""
@@ -268,30 +220,22 @@ class NoiseModel:
 
     def settings(self) -> dict:
         """Give the model as JSON-able numbers."""
-        return {
-            name: np.round(value, 9).tolist() if isinstance(value, np.ndarray) else float(value)
-            for name, value in vars(self).items()
-        }
+        return self.ratio.settings() | {name: np.round(getattr(self, name), 9).tolist() for name in _USUAL}
 
     @staticmethod
     def from_settings(settings: object, width: int) -> NoiseModel:
         """Make the model of `width` inputs from its settings; raises `ValueError` where they are no such model."""
-        if not isinstance(settings, dict) or set(settings) != set(NoiseModel.__dataclass_fields__):
-            raise ValueError("no noise model in the settings")
-        parts = {name: np.asarray(value, dtype=float) for name, value in settings.items()}
-        sizes = {"mean": (width,), "scale": (width,), "coefficient": (width,),
-                 "usual_mean": (len(MEASURES),), "usual_sd": (len(MEASURES),)}  # fmt: skip
-        for name, value in parts.items():
-            if value.shape != sizes.get(name, ()) or not np.isfinite(value).all():
-                raise ValueError(f"{name} of the noise model is damaged")
-        if not (parts["scale"] > 0).all() or not (parts["usual_sd"] > 0).all() or parts["high_dB"] <= parts["low_dB"]:
-            raise ValueError("the noise model is damaged")
-        return NoiseModel(
-            **{name: parts[name] for name in sizes},
-            intercept=float(parts["intercept"]),
-            low_dB=float(parts["low_dB"]),
-            high_dB=float(parts["high_dB"]),
+        given = settings if isinstance(settings, dict) else {}
+        usual = checked_numbers(
+            {key: given[key] for key in _USUAL if key in given}, dict.fromkeys(_USUAL, len(MEASURES))
         )
+        ratio = SignalToNoise.from_settings({key: given[key] for key in given if key not in _USUAL}, width)
+        if not (usual["usual_sd"] > 0).all():
+            raise ValueError("the noise model is damaged")
+        return NoiseModel(ratio, **usual)
+
+
+_USUAL = ("usual_mean", "usual_sd")
 
 
 def noise_inputs(features: np.ndarray, measures: np.ndarray) -> np.ndarray:
@@ -314,8 +258,8 @@ def assess(
     silent = ~(faults.rms >= SILENT_RMS)
     recorded = np.clip((0.5 - faults.missing) / 0.45, 0.0, 1.0)
     clear = np.clip((0.1 - faults.clipped) / 0.095, 0.0, 1.0)
-    ratio = model.estimate(noise_inputs(features, measures))
-    above = model.clear(ratio)
+    ratio = model.ratio.estimate(noise_inputs(features, measures))
+    above = model.ratio.clear(ratio)
     quality = np.where(silent, 0.0, recorded * clear * above)
     kinds = model.kind(measures)
     reasons: list[tuple[str, ...]] = [()] * len(quality)

@@ -13,12 +13,13 @@ import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.classifier.labelled import LabelledFile, readable
+from ..framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 from ..framework.core.errors import InputError
 from ..framework.core.recording.sound import read_sound
 from .augment import add_noise, place, varied_window
 from .classify import SETTINGS
 from .features import FEATURE_NAMES, RATE_HZ, WINDOW_S, cut_windows, resample
-from .quality import NOISE_FREE_DB, SILENT_RMS, NoiseModel, features_and_noise, noise_inputs
+from .quality import SILENT_RMS, NoiseModel, features_and_noise, noise_inputs
 
 FILE_WINDOWS = 24
 """At most so many windows of one file, evenly spread: more of the same take say little that is new."""
@@ -185,7 +186,7 @@ def _train(
         noise_inputs(features, measures)[usable], snr_dB[usable], group[usable], as_recorded[usable]
     )
     quality = np.zeros(len(windows))
-    quality[usable] = noise.clear(held_dB)
+    quality[usable] = noise.ratio.clear(held_dB)
     taught = snr_dB >= USABLE_DB
     return TerrainClassifier.train(
         features[taught], label[taught], group[taught],

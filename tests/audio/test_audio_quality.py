@@ -6,7 +6,6 @@ from bevameter.audio.augment import NOISES, add_noise, sounding_power
 from bevameter.audio.features import RATE_HZ
 from bevameter.audio.quality import (
     MEASURES,
-    NOISE_FREE_DB,
     NoiseModel,
     RecordingFaults,
     assess,
@@ -14,6 +13,7 @@ from bevameter.audio.quality import (
     noise_inputs,
     recording_faults,
 )  # fmt: skip
+from bevameter.framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 
 
 def steps(rng, count=1):
@@ -147,11 +147,16 @@ def test_faults_cost_quality_and_are_named(fitted):
 
 def test_a_noise_model_survives_json_and_refuses_damage(fitted):
     settings = json.loads(json.dumps(fitted.settings()))
-    again = NoiseModel.from_settings(settings, len(fitted.mean))
-    np.testing.assert_allclose(again.coefficient, fitted.coefficient, atol=1e-8)
-    for damage in ({"mean": [1.0]}, {"scale": [0.0] * len(fitted.mean)}, {"intercept": float("nan")}, {"low_dB": 1e9}):
+    again = NoiseModel.from_settings(settings, len(fitted.ratio.mean))
+    np.testing.assert_allclose(again.ratio.coefficient, fitted.ratio.coefficient, atol=1e-8)
+    for damage in (
+        {"mean": [1.0]},
+        {"scale": [0.0] * len(fitted.ratio.mean)},
+        {"intercept": float("nan")},
+        {"low_dB": 1e9},
+    ):
         with pytest.raises(ValueError, match="damaged"):
-            NoiseModel.from_settings(settings | damage, len(fitted.mean))
+            NoiseModel.from_settings(settings | damage, len(fitted.ratio.mean))
     with pytest.raises(ValueError, match="no noise model"):
         NoiseModel.from_settings({"mean": []}, 1)
     assert len(MEASURES) == len(fitted.usual_mean)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import synthetic_samples as samples
-from bevameter.audio.quality import NOISE_FREE_DB
+from bevameter.framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 from bevameter.framework.core.vehicle import Camera
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound, engine, motor_whine, wind
 from bevameter.framework.scenario.ground import PAINTERS, paint_tile

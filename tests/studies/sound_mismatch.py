@@ -23,9 +23,9 @@ import soundfile
 import soxr
 from bevameter.audio.explain.explain import SoundExplanation, explain_sound
 from bevameter.audio.features import RATE_HZ, WINDOW_S
-from bevameter.audio.quality import NOISE_FREE_DB
 from bevameter.audio.train import train_audio_windows
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
+from bevameter.framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 from bevameter.framework.core.recording.types import Labels, SoundBlock
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound
 from measured import write

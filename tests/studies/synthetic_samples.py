@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from bevameter.audio.augment import NOISES, sounding_power
 from bevameter.audio.features import RATE_HZ, WINDOW_S, resample
-from bevameter.audio.quality import NOISE_FREE_DB
 from bevameter.framework.core.classifier.labelled import LabelledFile
+from bevameter.framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 from bevameter.framework.core.recording.camera import decode_image
 from bevameter.framework.core.recording.types import VibrationRun, WheelTable
 from bevameter.framework.core.recording.vibration import of_wheels
