@@ -24,10 +24,12 @@ def _unit(noise: np.ndarray) -> np.ndarray:
     return noise / max(float(np.sqrt(np.mean(np.square(noise)))), 1e-12)
 
 
-def coloured_noise(count: int, rng: np.random.Generator, slope: float) -> np.ndarray:
-    """Gaussian noise (count,) of unit power whose power density falls as frequency to the power -slope, above 20 Hz."""
+def coloured_noise(
+    count: int, rng: np.random.Generator, slope: float, rate_hz: float = RATE_HZ, flat_below_hz: float = 20.0
+) -> np.ndarray:
+    """Gaussian noise (count,) of unit power whose power density falls as frequency to the power -slope."""
     size = int(scipy.fft.next_fast_len(count, True) or count)
-    frequency = np.maximum(np.fft.rfftfreq(size, 1.0 / RATE_HZ), 20.0)
+    frequency = np.maximum(np.fft.rfftfreq(size, 1.0 / rate_hz), flat_below_hz)
     spectrum = rng.normal(size=(2, frequency.size)) * frequency ** (-slope / 2.0)
     return _unit(np.asarray(scipy.fft.irfft(spectrum[0] + 1j * spectrum[1], size))[:count])
 

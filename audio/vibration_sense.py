@@ -25,7 +25,7 @@ class Vibration(Sense):
         self, labelled: Sequence[LabelledFile], rng: np.random.Generator, *, notes: Sequence[str] = ()
     ) -> TrainingOutcome:
         """Train on vibration files, and the wheel drives' files of the same runs."""
-        from .vibration import train_vibration
+        from .vibration_train import train_vibration
 
         return train_vibration(labelled, rng, notes=notes)
 

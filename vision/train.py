@@ -168,7 +168,7 @@ def _train(
         rng=rng,
         candidates=BACKBONE_CANDIDATES if backbone else CANDIDATES,
         columns=dict(zip(BACKBONE_CANDIDATES, ((0, built_in), (0, built_in), (built_in, d)), strict=True)),
-        gate_columns=built_in,
+        gate_ends=(built_in,),
         degraded=kind != AS_IT_IS,
         quality=rated(np.concatenate(lights), rows, limits)[0],
         samples=samples,

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.audio.vibration import classify_vibration, train_vibration, vibration_evidence
+from bevameter.audio.vibration import classify_vibration, vibration_evidence
+from bevameter.audio.vibration_augment import FAULTS, ratio_dB
 from bevameter.audio.vibration_features import VibrationChannels, vibration_features
+from bevameter.audio.vibration_train import train_vibration
 from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.vibration import read_vibration_run
@@ -34,7 +36,7 @@ def write_run(folder, name, kind, rng, seconds=25.0, wheels=True, speed=0.5):
 def labelled(tmp_path_factory):
     folder, rng = tmp_path_factory.mktemp("vibration"), np.random.default_rng(1)
     lines = ["file,class,group,wheel_file"]
-    for index in range(8):
+    for index in range(12):
         kind = ("rough", "smooth")[index % 2]
         write_run(folder, index, kind, rng, speed=0.5 if index < 6 else 0.0)
         lines.append(f"imu_{index}.csv.gz,{kind},run {index},pro_{index}.csv")
@@ -139,6 +141,59 @@ def test_a_vehicle_that_stands_and_a_stuck_sensor_are_unknown(outcome, tmp_path,
         np.savetxt(path, np.column_stack([time, values]), "%.6g", ",", header="time," + ",".join(AXES), comments="")
         rows = classify_vibration([path], outcome.classifier)
         assert all(row["unknown"] and said in row["reasons"][0] for row in rows)
+
+
+def with_tone(run, ratio_dB):
+    """A motor of 13 Hz and its harmonics, at another phase in each channel."""
+    phase = 2 * np.pi * 13.0 * run.time_s[:, None] + np.arange(run.channels.shape[1])
+    tone = sum(np.sin(order * phase) / order for order in (1, 2, 3))
+    size = 10 ** (-ratio_dB / 20) * run.channels.std(axis=0) / tone.std(axis=0)
+    return replace(run, channels=run.channels + size * tone)
+
+
+def test_the_ratio_is_that_of_vibration_to_what_was_added(labelled):
+    run = read_vibration_run(labelled / "imu_0.csv.gz")
+    found = ratio_dB(run, with_tone(run, 10.0), np.array([0, 300]))
+    np.testing.assert_allclose(found, 10.0, atol=0.5)
+
+
+def test_every_fault_leaves_a_whole_run_and_keeps_gaps(labelled, rng):
+    run = read_vibration_run(labelled / "imu_0.csv.gz")
+    run.channels[700:900] = np.nan
+    for fault in FAULTS:
+        changed = fault(run.channels - np.nanmean(run.channels, axis=0), np.nanstd(run.channels, axis=0), run, rng)
+        assert changed.shape == run.channels.shape
+        assert np.isnan(changed[720:880]).all()
+        assert np.isfinite(changed[:690]).all()
+        assert np.isfinite(changed[910:-50]).all()
+
+
+def test_noise_costs_quality_says_so_and_ends_unknown(outcome, labelled):
+    run = read_vibration_run(labelled / "imu_0.csv.gz")
+    found = [vibration_evidence(each, outcome.classifier)[2] for each in (run, with_tone(run, 8), with_tone(run, -8))]
+    quality = [evidence.quality.mean() for evidence in found]
+    assert quality[0] > 0.9
+    assert quality[0] > quality[1] > quality[2]
+    assert quality[2] < 0.1
+    assert found[2].unknown.mean() > 0.9
+    assert all(any("noise or a poor sensor" in reason for reason in said) for said in found[2].reasons)
+
+
+def test_trust_is_learnt_from_worse_copies(outcome):
+    table = outcome.report["trust"]
+    assert table[-1]["quality"] > 0.9
+    assert all(0 < row["weight"] <= 1 for row in table)
+    assert outcome.classifier.fitted.trust is not None
+    assert outcome.report["n_degraded"] > 0.5 * outcome.report["n_scored"]
+
+
+def test_a_model_from_before_noise_was_estimated_still_answers_and_a_damaged_one_is_refused(outcome, labelled):
+    run, model = read_vibration_run(labelled / "imu_0.csv.gz"), outcome.classifier
+    before = replace(model, settings={key: value for key, value in model.settings.items() if key != "noise"})
+    assert not vibration_evidence(run, before)[2].unknown.any()
+    damaged = replace(model, settings=model.settings | {"noise": model.settings["noise"] | {"scale": [0.0]}})
+    with pytest.raises(InputError, match="scale of the noise model is damaged"):
+        vibration_evidence(run, damaged)
 
 
 def test_a_file_without_the_channels_is_refused(outcome, tmp_path):

@@ -6,7 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from bevameter.audio.vibration import classify_vibration, train_vibration, vibration_evidence
+from bevameter.audio.vibration import classify_vibration, vibration_evidence
+from bevameter.audio.vibration_train import train_vibration
 from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.readers import read_recording

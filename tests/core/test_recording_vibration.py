@@ -39,6 +39,17 @@ def test_a_zero_wheel_speed_is_reported(tmp_path, rng):
     assert recording.problems == (f"{pro.name}, column velL: zero in every row; the wheel speed was not recorded",)
 
 
+@pytest.mark.parametrize(("gravity", "said"), [(1.01, True), (9.81, False), (1.62, False), (0.0, False)])
+def test_accelerations_in_g_are_reported(gravity, said, tmp_path, rng):
+    path = write_run(tmp_path / "imu.csv", np.arange(0, 3, 0.01), **{
+        name: 0.1 * rng.standard_normal(300) + offset
+        for name, offset in zip(("wx", "ax", "ay", "az"), (0.0, 0.6 * gravity, 0.0, 0.8 * gravity), strict=True)
+    })  # fmt: skip
+    problems = read_vibration_run(path).problems
+    assert bool(problems) == said
+    assert not said or problems[0].startswith("imu.csv: ax, ay, az average 1.0 in size, as gravity does in g")
+
+
 def test_a_faster_recording_is_low_passed_before_decimation(tmp_path):
     time = np.arange(4000) / 400
     slow, fast = np.sin(2 * np.pi * 10 * time), np.sin(2 * np.pi * 90 * time)  # 90 Hz would alias to 10 Hz

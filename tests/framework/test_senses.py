@@ -134,7 +134,7 @@ def test_a_sense_without_a_model_is_absent_and_reported(thermometer, tmp_path):
 
 def test_vibration_is_observed_under_the_wheels(tmp_path, rng):
     """The class follows the vibration: weak for 10 s, then ten times as strong."""
-    from bevameter.audio.vibration import train_vibration
+    from bevameter.audio.vibration_train import train_vibration
     from bevameter.framework.core.classifier.labelled import LabelledFile
 
     def shaken(strength):

@@ -26,7 +26,8 @@ import soundfile
 from bevameter.audio.classify import sound_evidence
 from bevameter.audio.features import RATE_HZ
 from bevameter.audio.train import train_audio_windows
-from bevameter.audio.vibration import train_vibration_runs, vibration_evidence
+from bevameter.audio.vibration import vibration_evidence
+from bevameter.audio.vibration_train import train_vibration_runs
 from bevameter.framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from bevameter.framework.core.classifier.labelled import LabelledFile, read_labelled
 from bevameter.framework.core.recording.camera import read_image

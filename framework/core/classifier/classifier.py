@@ -126,7 +126,7 @@ class TerrainClassifier:
         rng: np.random.Generator,
         candidates: Sequence[str] | None = None,
         columns: Mapping[str, tuple[int, int]] | None = None,
-        gate_columns: int | None = None,
+        gate_ends: tuple[int, ...] = (),
         degraded: np.ndarray | None = None,
         quality: np.ndarray | None = None,
         samples: Sequence[LabelledFile] = (),
@@ -148,8 +148,8 @@ class TerrainClassifier:
             Names from `CANDIDATES`; `USUAL` by default.
         columns
             By name of a candidate, the first column that it sees and the one after the last; all by default.
-        gate_columns
-            The gate sees so many of the first columns; all by default.
+        gate_ends
+            The gate looks at the columns in blocks that end there, each for itself; at all in one block by default.
         degraded : (n,)
             True for rows that are no items as they came but made from them: with blur, noise or a channel less. They
             teach as all rows do; their scores are reported apart, under ``"degraded"``.
@@ -184,7 +184,7 @@ class TerrainClassifier:
         if unknown := set(names) - set(CANDIDATES):
             raise InputError(source, f"no candidate {sorted(unknown)}", expected="of " + ", ".join(CANDIDATES))
         step = progress or (lambda share: None)
-        rows = Rows(x, y, group, row_weights(y, group), len(classes), dict(columns or {}), gate_columns)
+        rows = Rows(x, y, group, row_weights(y, group), len(classes), dict(columns or {}), gate_ends)
         held, parts = _outer_predictions(rows, names, np.asarray(groups, dtype=str)[kept], rng, step)
         fitted, chosen, losses = fit(rows, names, rng)
         step(1.0)

@@ -108,7 +108,7 @@ class Rows:
     """Training rows: features x (n, d), class indices y (n,), groups (n,), and how much each row counts.
 
     `columns` gives the first column that a candidate sees and the one after the last, by the candidate's name; of all
-    where it is not named. The gate sees the first `gate_columns`; all where that is None.
+    where it is not named. The gate sees blocks of columns that end at `gate_ends`; all in one where there are none.
     """
 
     x: np.ndarray
@@ -117,7 +117,7 @@ class Rows:
     weight: np.ndarray
     n_classes: int
     columns: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    gate_columns: int | None = None
+    gate_ends: tuple[int, ...] = ()
 
     def take(self, index: np.ndarray) -> Rows:
         """Give some rows, with weights of their own."""
@@ -224,7 +224,7 @@ def _base(rows: Rows, names: Sequence[str], seed: int):
         else:
             member.fit(seen, rows.y, sample_weight=rows.weight)
         members[name] = member
-    return mean, scale, members, Gate.fit(z[:, : rows.gate_columns], rows.y, rows.weight, rows.n_classes)
+    return mean, scale, members, Gate.fit(z, rows.y, rows.weight, rows.n_classes, rows.gate_ends)
 
 
 def fit(rows: Rows, names: Sequence[str], rng: np.random.Generator) -> tuple[Fitted, str, dict[str, float]]:

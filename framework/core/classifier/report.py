@@ -152,7 +152,7 @@ def _other_ground_rejection(rows: Rows, fitted: Fitted, original: np.ndarray) ->
     shares = []
     for left_out in range(rows.n_classes):
         own = rows.y == left_out
-        gate = Gate.fit(z[~own, : rows.gate_columns], rows.y[~own], rows.weight[~own], rows.n_classes)
+        gate = Gate.fit(z[~own], rows.y[~own], rows.weight[~own], rows.n_classes, rows.gate_ends)
         if (own & original).any():
             away = gate.distance(z[own & original]) > fitted.threshold
             shares.append(np.average(away, weights=rows.weight[own & original]))

@@ -75,6 +75,7 @@ class Metadata(BaseModel):
     temperature: _Temperature
     threshold: Annotated[float, Field(gt=0, lt=1e6)]
     correlation: Annotated[float, Field(ge=0, le=1)]
+    gate_ends: list[Annotated[int, Field(gt=0)]] | None = None
     trust: dict[str, list[float]] | None = None
     together: dict[str, list[float]] | None = None
 
@@ -119,6 +120,7 @@ def _metadata(model: TerrainClassifier) -> str:
             "correlation": model.fitted.correlation,
             "trust": None if model.fitted.trust is None else asdict(model.fitted.trust),
         }
+        | ({} if len(model.fitted.gate.ends) == 1 else {"gate_ends": list(model.fitted.gate.ends)})
         | ({} if model.fitted.together is None else {"together": asdict(model.fitted.together)}),
         sort_keys=True,
         allow_nan=False,
@@ -258,6 +260,9 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
             raise InputError(path, f"{name} of shape {values.shape}", expected=f"finite numbers, {shapes[name]}")
     if not (arrays["scale"] > 0).all():
         raise InputError(path, "scales out of range", expected="positive finite numbers")
+    ends = tuple(meta.gate_ends or (gated,))  # one block, in files of before there were more
+    if list(ends) != sorted(set(ends)) or ends[-1] != gated:
+        raise InputError(path, f"{list(ends)}", expected=f"rising columns up to {gated}", place="key gate_ends")
     members = tuple(payload["members"])
     columns = meta.member_columns or [[0, d]] * len(members)  # all, in files of before there was a choice
     for key, values in (("member_temperatures", meta.member_temperatures), ("member_columns", columns)):
@@ -277,7 +282,7 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
         tuple(meta.member_temperatures),
         tuple((first, last) for first, last in columns),
         k,
-        Gate(arrays["whitening"], arrays["centres"]),
+        Gate(arrays["whitening"], arrays["centres"], ends),
         meta.temperature,
         meta.threshold,
         meta.correlation,

@@ -11,7 +11,7 @@ import numpy as np
 from .bag_messages import number
 from .topic_map import VibrationTopic
 from .types import VibrationRun, WheelTable
-from .vibration import MAX_RUN_S, SAMPLE_RATE_HZ, of_wheels, on_clock
+from .vibration import MAX_RUN_S, SAMPLE_RATE_HZ, in_g, of_wheels, on_clock
 
 NAMES = ("wx", "wy", "wz", "ax", "ay", "az")
 """Channels: rates of turning [rad/s] and accelerations [m/s^2] along the sensor's axes."""
@@ -69,4 +69,5 @@ def vibration_of(
         ]
     clock = time_s[0] + np.arange(int((time_s[-1] - time_s[0]) * SAMPLE_RATE_HZ + 1e-6) + 1) / SAMPLE_RATE_HZ
     channels = np.column_stack([on_clock(time_s, each, clock, rate, 5.0 / rate) for each in values.T])
-    return VibrationRun(clock, NAMES, channels, *of_wheels(wheel, clock), SAMPLE_RATE_HZ, path), []
+    run = VibrationRun(clock, NAMES, channels, *of_wheels(wheel, clock), SAMPLE_RATE_HZ, path)
+    return run, in_g(NAMES, channels, source.topic)

@@ -6,6 +6,8 @@ a second file of the same clock, as in the BorealTC runs (LaRocque et al. 2024, 
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -23,6 +25,10 @@ SAMPLE_RATE_HZ = 100.0
 MAX_RUN_S = 24 * 3600.0
 """No run is longer than this: a stray time stamp would ask for memory without end [s]."""
 
+G_UNIT = 0.1
+"""A mean acceleration within this of 1 is gravity in g [-]: no body to drive on has 1 m/s^2."""
+
+_ACCELERATION = re.compile(r"a(cc(el(eration)?)?)?[_.]?[xyz]", re.IGNORECASE)
 _GAP_SAMPLES = 5.0
 _WHEEL_GAP_S = 0.5
 _OF_WHEELS = {"current_A": "current", "wheel_speed_rad_s": "speed"}
@@ -65,6 +71,7 @@ def read_vibration_run(imu_file: str | Path, wheel_file: str | Path | None = Non
     lost = float(np.isnan(channels).any(axis=1).mean())
     if lost:
         problems.append(f"{table.source.name}: {100 * lost:.2g} % of the time without a value")
+    problems += in_g(names, channels, table.source.name)
     wheel_names: tuple[str, ...] = ()
     wheel = np.empty((count, 0))
     if wheel_file is not None:
@@ -109,6 +116,16 @@ def on_clock(time: np.ndarray, values: np.ndarray, clock: np.ndarray, rate: floa
     thin_clock = time[0] + np.arange(len(thin)) / SAMPLE_RATE_HZ
     answer = interpolate(thin_clock, thin, clock, 2.5 / SAMPLE_RATE_HZ)
     return np.where(np.isnan(interpolate(time, values, clock, gap)), np.nan, answer)
+
+
+def in_g(names: Sequence[str], channels: np.ndarray, source: str) -> list[str]:
+    """Say where the accelerations among channels (n, c) show gravity as 1: they are in g, and models expect m/s^2."""
+    axes = [index for index, name in enumerate(names) if _ACCELERATION.fullmatch(name)]
+    seen = channels[:, axes][np.isfinite(channels[:, axes]).all(axis=1)]
+    if len(axes) != 3 or not len(seen) or abs(float(np.linalg.norm(seen.mean(axis=0))) - 1.0) > G_UNIT:
+        return []
+    axis = ", ".join(names[index] for index in axes)
+    return [f"{source}: {axis} average 1.0 in size, as gravity does in g; m/s^2 is expected: multiply by 9.80665"]
 
 
 def of_wheels(wheel: WheelTable | None, clock: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
