@@ -59,6 +59,8 @@ def test_the_report_says_what_it_gains_on_groups_that_it_was_not_learnt_on(outco
     learnt = outcome.report["together"]
     assert learnt["degraded"]["calibration_error"] < 0.7 * learnt["degraded"]["calibration_error_without"]
     assert learnt["as_it_came"]["n"] > 100
+    for part in (learnt["as_it_came"], learnt["degraded"]):
+        assert 0.0 < part["balanced_accuracy"]["low"] < part["balanced_accuracy"]["value"] <= 1.0
     assert sum(row["n"] for row in learnt["table"]) == learnt["as_it_came"]["n"] + learnt["degraded"]["n"]
 
 

@@ -100,14 +100,14 @@ def card(name: str, made: Made, default: bool, seed: int) -> str:
     parts = {"one item": report, "a group's items together": report["by_group"]}
     if "degraded" in report:
         parts["one degraded copy"] = report["degraded"]
+    for key, what in (("as_it_came", "a photograph as it came"), ("degraded", "a photograph degraded as a whole")):
+        if part := report.get("together", {}).get(key):
+            parts |= {what: part}
     scores = "\n".join(
         f"| {what} | {part.get('n_scored', part['n'])} | {scored(part['balanced_accuracy'])} "
         f"| {scored(part['accuracy'])} | {part['calibration_error']:.3f} |"
         for what, part in parts.items()
     )
-    for key, what in (("as_it_came", "a photograph as it came"), ("degraded", "a photograph degraded as a whole")):
-        if part := report.get("together", {}).get(key):
-            scores += f"\n| {what} | {part['n']} | {part['was_right']:.3f} | | {part['calibration_error']:.3f} |"
     others = "\n".join(
         f"| {each.what} | {each.n} | {scored(each.balanced) if each.balanced else ''} | {each.unknown:.2f} "
         f"| {each.said:.2f} | {each.right:.2f} | {each.sure_wrong} of {each.sure} |"

@@ -219,14 +219,15 @@ def _together(learnt: dict) -> str:
         return ""
     names = {"as_it_came": "as they came", "degraded": "degraded as a whole"}
     rows = [
-        [name, str(part["n"]), *(f"{part[each]:.3f}" for each in ("was_right", *_ERRORS))]
+        [name, str(part["n"]), _interval(part["balanced_accuracy"]), *(f"{part[each]:.3f}" for each in _ERRORS)]
         for key, name in names.items()
         if (part := learnt.get(key))
     ]
+    head = ["", "n", "balanced accuracy", "calibration error without", "with"]
     return (
         "<h2>All items of one thing together</h2><p>How often that is right, and how far what is stated is from it: "
         "without, and with, an exponent by quality that was learnt on other groups.</p>"
-        f"{table(['', 'n', 'right', 'calibration error without', 'with'], rows)}{_curve(learnt['table'], 'exponent')}"
+        f"{table(head, rows)}{_curve(learnt['table'], 'exponent')}"
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..evidence import ClassEvidence
 from ..pooling import pooled
 from .fitting import Fitted, row_weights
-from .scores import calibration_error
+from .scores import accuracy_intervals, calibration_error, confusion_by_unit
 from .trust import Trust, learn_trust
 
 if TYPE_CHECKING:
@@ -93,8 +93,9 @@ def learn_together(
     trust
         None where there are too few groups.
     report
-        ``"table"`` as `learn_trust` gives it; and for things as they came and degraded n, the share that was right, and
-        the calibration error with and without the exponent, learnt in each fold on the others (JSON-able).
+        ``"table"`` as `learn_trust` gives it; and for things as they came and degraded n, ``accuracy`` and
+        ``balanced_accuracy`` with 95 % intervals, and the calibration error with and without the exponent, learnt in
+        each fold on the others (JSON-able).
     """
     parts = []
     for number, fold in enumerate(folds):
@@ -131,7 +132,7 @@ def learn_together(
             even = row_weights(y[rows], group[rows])
             report[name] = {
                 "n": int(rows.sum()),
-                "was_right": float(np.average(p[rows].argmax(axis=1) == y[rows], weights=even)),
+                **accuracy_intervals(confusion_by_unit(y[rows], p[rows].argmax(axis=1), group[rows], len(classes))),
                 "calibration_error": calibration_error(tempered[rows], y[rows], even)[0],
                 "calibration_error_without": calibration_error(p[rows], y[rows], even)[0],
             }
