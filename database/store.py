@@ -199,8 +199,8 @@ class TerrainDatabase:
         """
         found = ClassPhysics(class_name, physics, source, time if time is not None else datetime.now(UTC), site)
         self.make()
+        self.check_class(class_name)
         with self.reading() as connection:
-            check_spelling(class_name, (driven_classes(connection), physics_classes(connection)), "class_name")
             newest = newest_row(connection, class_name, site)
         found = replace(found, physics=sound_physics(physics, f"physics of {class_name}"))
         if time is None and newest is not None:
@@ -301,6 +301,17 @@ class TerrainDatabase:
         """Refuse the name of a site that no drive was made at, with those that there are; raises `InputError`."""
         with self.reading() as connection:
             rows_in_use(connection, self.name, site)
+
+    def check_class(self, class_name: str, source: str = "class_name") -> None:
+        """Refuse a name that no class may have, and one that differs in case or spaces only from a class that is known.
+
+        Raises
+        ------
+        InputError
+            It names `source`, and the spelling that is known.
+        """
+        with self.reading() as connection:
+            check_spelling(class_name, (driven_classes(connection), physics_classes(connection)), source)
 
     def drives(self, site: str | None = None, *, newest: bool = False) -> list[Drive]:
         """Read the drives back, whole, in the order of their last import.

@@ -73,6 +73,7 @@ def run_traverses(
     site: str | None = None,
     origin: Origin | None = None,
     offset: Offset | None = None,
+    ground: str | None = None,
     workers: int = 1,
     client: Client | None = None,
     progress: Progress | None = None,
@@ -100,6 +101,8 @@ def run_traverses(
     site, origin, offset
         For all of them, instead of their own: as in `run_traverse`. Of recordings at a site that the database does not
         know, the first one that says where its frame lies gives the site's frame.
+    ground
+        Class of the ground of all of them, as in `run_traverse`.
     workers
         How many processes work at once [-]; with 1 it is this one. Each takes its share of the cores, and as much
         memory as a run does.
@@ -126,7 +129,7 @@ def run_traverses(
     report: Progress = progress or (lambda stage, share: None)
     conditions = Conditions.of(
         database, vehicle=vehicle, topics=topics, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset,
-        several=len(given) > 1,
+        ground=ground, several=len(given) > 1,
     )  # fmt: skip
     found = FoundModels.find(models, url_of(database))
     if client is not None:

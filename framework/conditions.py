@@ -46,6 +46,8 @@ class Conditions:
     vehicle, topics, site, origin, offset
         Instead of the recordings' own: the vehicle; the topic map of bags; the site, where on Earth the frame of the
         places lies, and where in the site's.
+    ground
+        Class of the ground, where it is stated of the recordings as a whole.
     several
         Whether there are several recordings.
     method
@@ -62,6 +64,7 @@ class Conditions:
     site: str | None = None
     origin: Origin | None = None
     offset: Offset | None = None
+    ground: str | None = None
     several: bool = False
     method: str = METHOD
 
@@ -75,6 +78,7 @@ class Conditions:
         site: str | None = None,
         origin: Origin | None = None,
         offset: Offset | None = None,
+        ground: str | None = None,
         several: bool = False,
     ) -> Conditions:
         """Read them; where there is no database yet it knows nothing, and none is made.
@@ -82,9 +86,11 @@ class Conditions:
         Raises
         ------
         InputError
-            The database is another program's or cannot be read; vehicle, topics, cell size or frame are none.
+            The database is another program's or cannot be read; vehicle, topics, cell size, frame or ground are none.
         """
         _check_frame(site, origin, offset)
+        if ground is not None and not isinstance(ground, str):
+            raise refused("ground", ground, "the name of a class")
         cell_size_m = _cell_size(cell_size_m)
         driven = None if vehicle is None else as_vehicle(vehicle)
         mapped = None if topics is None else path_of("topics", topics, "the path of a topic map")
@@ -93,9 +99,12 @@ class Conditions:
             known, frames, physics = frozenset(), {}, ()
             if store.there:
                 known, frames, physics = store.drive_ids(), store.frames(), tuple(store.physics())
+                if ground is not None:
+                    store.check_class(ground, "ground")
         return Conditions(
             shown(parse_url(url_of(database))), known, frames, physics, cell_size_m,
-            vehicle=driven, topics=mapped, site=site, origin=origin, offset=offset, several=several,
+            vehicle=driven, topics=mapped, site=site, origin=origin, offset=offset, ground=ground,
+            several=several,
         )  # fmt: skip
 
     def read(self, recording: Recording | str | Path) -> Recording:

@@ -28,6 +28,7 @@ from .placement import Claim, Placement, moved, placement_of
 from .segments import ClassTrack, SoilAlong, believe, classes_along, learn_soil
 from .sense_map import Progress, SenseRecord
 from .senses import sense_named, senses, senses_of
+from .stated_ground import OPERATOR, check_stated
 from .summary import SenseSummary, TraverseSummary, count_cells, count_contradictions, sense_summary
 
 
@@ -72,6 +73,8 @@ class Begun:
         What the database is to hold, without observations.
     about, problems
         What a summary says of it in any case.
+    ground
+        Class that is stated of its ground, if any.
     cell_size_m
         Edge of a ground cell [m].
     """
@@ -83,6 +86,7 @@ class Begun:
     drive: Drive
     about: Mapping[str, Any]
     problems: tuple[str, ...]
+    ground: str | None
     cell_size_m: float
 
 
@@ -104,11 +108,14 @@ def begin(
     placement = placement_of(recording, placed)
     recording = moved(recording, placement)
     found = models(senses_of(recording), synthetic)
+    if conditions.ground is not None:
+        check_stated(conditions.ground, found)
     cell_size_m, track = conditions.cell_size_m, track_of(recording)
     physics = KnownPhysics.of(conditions.physics, recording)
-    drive = _to_be_observed(recording, found, cell_size_m, track, physics)
+    drive = _to_be_observed(recording, found, conditions.ground, cell_size_m, track, physics)
     about = _about(recording, drive, found, track, conditions.database, placement)
-    return Begun(recording, found, track, physics, drive, about, _problems(recording, track), cell_size_m)
+    problems = _problems(recording, track)
+    return Begun(recording, found, track, physics, drive, about, problems, conditions.ground, cell_size_m)
 
 
 def conclude(begun: Begun, records: tuple[SenseRecord, ...], began: float, report: Progress) -> Processed:
@@ -230,7 +237,12 @@ def _terrain(belief: Belief, cell_size_m: float, track: Track | None) -> Terrain
 
 
 def _to_be_observed(
-    recording: Recording, models: Models, cell_size_m: float, track: Track | None, physics: KnownPhysics
+    recording: Recording,
+    models: Models,
+    ground: str | None,
+    cell_size_m: float,
+    track: Track | None,
+    physics: KnownPhysics,
 ) -> Drive:
     """Give the drive without its observations: all that its identity depends on."""
     vehicle = recording.vehicle
@@ -245,7 +257,8 @@ def _to_be_observed(
             one.instrument: "synthetic " * (one.name in models.synthetic) + models.classifiers[one.name].version
             for one in senses()
             if one.name in models.classifiers
-        },
+        }
+        | ({OPERATOR: f"states {ground}"} if ground is not None else {}),
         method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}"
         + (f", physics {physics.digest}" if physics.by_class else ""),
         terrain=TerrainObservations.nothing(cell_size_m),

@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 
 from ..identification.estimate.tables import learnt
+from .stated_ground import OPERATOR
 from .summary import LearntSoil, SenseSummary, TraverseSummary
 
 _REASONS_SAID = 4
@@ -55,8 +56,9 @@ def soil_lines(soils: Sequence[LearntSoil]) -> list[str]:
     if nameless:
         stretches = "1 stretch is" if nameless == 1 else f"{nameless} stretches are"
         lines.append(
-            f"the soil of {stretches} in no query: no class is probable enough there. Photographs of this ground mend "
-            "that: `bevameter train vision PHOTOS --out MODELS/vision.skops`, then `bevameter run` with --models MODELS"
+            f"the soil of {stretches} in no query: no class is probable enough there. Photographs of it mend that: "
+            "`bevameter train vision PHOTOS --out MODELS/vision.skops`, then `bevameter run` with --models MODELS. "
+            "If the whole drive is on ground of one class that you know, state it: `bevameter run` with --ground CLASS"
         )
     return lines + [
         f"to learn more: {advice}" for advice in dict.fromkeys(soil.advice for soil in soils if soil.advice)
@@ -117,6 +119,8 @@ def _width(soil: LearntSoil) -> float:
 def _sense_line(sense: SenseSummary) -> str:
     if sense.absent:
         return f"{sense.sense}: {sense.absent}"
+    if sense.sense == OPERATOR:
+        return f"{sense.sense}: {', '.join(sense.said)}, as stated for the whole recording"
     if not sense.items:
         return f"{sense.sense}: nothing of the ground was observed with it"
     closed = f"; not trusted: {_most(sense.closed)}" if sense.closed else ""

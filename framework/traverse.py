@@ -21,6 +21,7 @@ from .placement import Claim, Frames, Placement
 from .segments import CELL_SIZE_M, recall_soil
 from .sense_map import Progress
 from .senses import senses_of
+from .stated_ground import observe_stated
 from .summary import TraverseSummary, count_cells, count_contradictions
 
 
@@ -34,6 +35,7 @@ def run_traverse(
     site: str | None = None,
     origin: Origin | None = None,
     offset: Offset | None = None,
+    ground: str | None = None,
     progress: Progress | None = None,
 ) -> TraverseSummary:
     """Turn a recorded drive into observations of terrain and soil, and add them to a database.
@@ -62,6 +64,8 @@ def run_traverse(
         Instead of the recording's own: its site; where on Earth the frame of its places lies; or where that frame lies
         in the site's (one of the two). What the recording's frame is tied to by none of them, by a site's name or by
         satellite is kept apart, at a site of its own (`placement`).
+    ground
+        Class of the ground of the whole recording, where whoever drove knows it: evidence in addition to the senses'.
     progress
         Called with each stage's name and the share of it that is done; what it raises ends the run.
 
@@ -77,8 +81,9 @@ def run_traverse(
     """
     report: Progress = progress or (lambda stage, share: None)
     conditions = Conditions.of(
-        database, vehicle=vehicle, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset
-    )
+        database, vehicle=vehicle, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset,
+        ground=ground,
+    )  # fmt: skip
 
     def found(senses: Sequence[str], synthetic: bool) -> Models:
         if isinstance(models, Models):
@@ -130,7 +135,8 @@ def process(
     if begun.drive.id in conditions.known:
         return Processed(begun.drive, begun.about, begun.problems, None, time.monotonic() - began)
     records = observe(begun.recording, begun.track, begun.models.classifiers, begun.cell_size_m, progress=report)
-    return conclude(begun, records, began, report)
+    stated = observe_stated(begun.ground, begun.recording, begun.track, begun.models, begun.cell_size_m)
+    return conclude(begun, (*records, *stated), began, report)
 
 
 def _check_is_a_drive(recording: Recording) -> None:

@@ -44,6 +44,10 @@ def command(
     origin: OriginPlace = None,
     heading: Heading = None,
     offset: OffsetPlace = None,
+    ground: Annotated[
+        str | None,
+        typer.Option("--ground", metavar="CLASS", help="Class of the ground of the whole recording, if you know it."),
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
     report: Annotated[
         Path | None, typer.Option("--report", help="Write what was found of one recording as an HTML page.")
@@ -71,16 +75,16 @@ def command(
             raise InputError(option, f"{len(recordings)} recordings", expected="one recording, on this machine")
     if workers is not None and dask is not None:
         raise InputError("--workers", f"{workers}, and --dask, too", expected="one of them")
-    frame = stated_frame(site, origin, heading, offset)
+    stated = stated_frame(site, origin, heading, offset) | {"ground": ground}
     if len(recordings) == 1 and dask is None:
-        _run_one(recordings[0], db, vehicle, topics, models, frame, json, report, rerun)
+        _run_one(recordings[0], db, vehicle, topics, models, stated, json, report, rerun)
     else:
-        _run_several(recordings, db, vehicle, topics, models, frame, json, workers or 1, dask)
+        _run_several(recordings, db, vehicle, topics, models, stated, json, workers or 1, dask)
 
 
 def _run_one(
     recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: list[str] | None,
-    frame: dict[str, Any], json: Path | None, report: Path | None, rerun: Path | None,
+    stated: dict[str, Any], json: Path | None, report: Path | None, rerun: Path | None,
 ) -> None:  # fmt: skip
     from ..core.recording.readers import read_recording
     from .printing import progress_bars, status, write_json
@@ -96,7 +100,7 @@ def _run_one(
         # Loaded after the recording was read: what cannot be read is refused without waiting for the classifiers.
         from ..traverse import run_traverse
 
-        summary = run_traverse(drive, db, models=models, progress=progress, **frame)
+        summary = run_traverse(drive, db, models=models, progress=progress, **stated)
     if json is not None:
         write_json(summary.as_dict(), json)
     try:
@@ -117,7 +121,7 @@ def _run_one(
 
 def _run_several(
     recordings: list[Path], db: str, vehicle: Path | None, topics: Path | None, models: list[str] | None,
-    frame: dict[str, Any], json: Path | None, workers: int, dask: str | None,
+    stated: dict[str, Any], json: Path | None, workers: int, dask: str | None,
 ) -> None:  # fmt: skip
     """Run over recordings; raises `BevameterError` in the end where one of them failed."""
     from ..batch import FailedRecording, run_traverses
@@ -137,7 +141,7 @@ def _run_several(
         with _client(dask) as client, progress_bars() as progress:
             outcomes = run_traverses(
                 recordings, db, vehicle=vehicle, topics=topics, models=models, workers=workers, client=client,
-                progress=progress, finished=finished, **frame,
+                progress=progress, finished=finished, **stated,
             )  # fmt: skip
     except KeyboardInterrupt:
         print(
