@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from ..framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 from .crops import image_patches, reduced
 from .features import PATCH_PX
 
@@ -13,7 +14,18 @@ CROP_SHARES = (0.25, 0.8)
 MAX_BLUR = 0.45
 """Longest motion blur, as a share of the side of a patch [-]."""
 NOISE = (0.2, 12.0)
-"""Range of the standard deviation of noise, of 255 [-]."""
+"""Range of the standard deviation of noise in copies that teach what ground looks like, of 255 [-]."""
+STRONGEST_NOISE = 100.0
+"""Most of it in copies from which it is learnt what noise is and what it costs, of 255 [-]: nothing is left of the
+ground. If as much taught what ground looks like, blurred and dark photographs would be recognised less well."""
+GRAIN_PX = (0.5, 2.5)
+"""Range of the size of a grain of noise [px]: a patch is seen on more or fewer pixels of the camera than it has."""
+SNR_DB = (-32.0, 25.0)
+"""Range of the contrast of the ground over noise, in copies that teach what noise is [dB]."""
+FADED = 0.05
+"""Least contrast that is left of the ground in these [-]: a flat noisy patch is to be known for what it is, too."""
+_ROUNDING = 0.29
+"""Standard deviation of what 8 bits round off [-]."""
 MIN_LIGHT = 0.2
 """Least share of the light that reaches an underexposed image [-]."""
 GREY_SHARE = 0.1
@@ -93,8 +105,38 @@ def relit(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.clip(colour * 255 + 0.5, 0, 255).astype(np.uint8)
 
 
-def degraded(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A worse camera: coarser along the line of sight, out of focus, smeared, underexposed, noisy, compressed."""
+def noisy(patch: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, float]:
+    """Add noise (h, w, 3) or (h, w, 1) to a patch (h, w, 3) uint8.
+
+    Returns
+    -------
+    patch : (h, w, 3)
+        uint8.
+    snr_dB
+        How far the spread of the patch's grey levels stands above that of the noise [dB], at most `NOISE_FREE_DB`.
+    """
+    changed = np.clip(patch + noise + 0.5, 0, 255).astype(np.uint8)
+    grey = cv2.cvtColor(patch, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    spread, added = float(grey.std()), float((cv2.cvtColor(changed, cv2.COLOR_BGR2GRAY) - grey).std())
+    snr_dB = 20 * np.log10(max(spread, _ROUNDING) / max(added, _ROUNDING))
+    return changed, min(float(snr_dB), NOISE_FREE_DB)
+
+
+def degraded(patch: np.ndarray, rng: np.random.Generator, strongest: float = NOISE[1]) -> tuple[np.ndarray, float]:
+    """A worse camera: coarser along the line of sight, out of focus, smeared, underexposed, noisy, compressed.
+
+    Gives the patch, and how far its ground stands above the noise [dB] (`noisy`); `strongest` is the most noise
+    [of 255].
+    """
+    patch = _badly_seen(patch, rng)
+    sd = np.exp(rng.uniform(np.log(NOISE[0]), np.log(strongest)))
+    shape = patch.shape if np.ptp(patch, axis=2).any() else (*patch.shape[:2], 1)
+    patch, snr_dB = noisy(patch, rng.normal(0, sd, shape))
+    return _stored(patch, rng), snr_dB
+
+
+def _badly_seen(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """What is wrong before there is noise: coarse, out of focus, smeared, underexposed."""
     (height, width), side = patch.shape[:2], min(patch.shape[:2])
     if rng.random() < 0.6:
         coarse = np.maximum(8, np.array([width, height]) / np.exp(rng.uniform(0, np.log(3), 2))).astype(int)
@@ -106,13 +148,40 @@ def degraded(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         patch = motion_blur(patch, MAX_BLUR * side * rng.random() ** 1.5, rng.uniform(0, np.pi))
     if rng.random() < 0.3:
         patch = (patch * np.exp(rng.uniform(np.log(MIN_LIGHT), 0))).astype(np.uint8)
-    sd = np.exp(rng.uniform(*np.log(NOISE)))
-    noise = rng.normal(0, sd, patch.shape if np.ptp(patch, axis=2).any() else (height, width, 1))
-    patch = np.clip(patch + noise + 0.5, 0, 255).astype(np.uint8)
-    if rng.random() < 0.5:
-        _, data = cv2.imencode(".jpg", patch, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(50, 96))])
-        patch = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)
     return patch
+
+
+def noise_copies(patches: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Fade patches (n, s, s, 3) and add noise, to learn from what it looks like; give `noisy`'s ratios (n,), too."""
+    copies, snr_dB = np.empty_like(patches), np.empty(len(patches))
+    for index, patch in enumerate(patches):
+        if rng.random() < 0.5:
+            patch = _badly_seen(patch, rng)
+        mean = patch.mean(axis=(0, 1))
+        faded = (mean + (patch - mean) * np.exp(rng.uniform(np.log(FADED), 0)) + 0.5).astype(np.uint8)
+        spread = max(float(cv2.cvtColor(faded, cv2.COLOR_BGR2GRAY).std()), _ROUNDING)
+        sd = min(spread * 10 ** (-rng.uniform(*SNR_DB) / 20), STRONGEST_NOISE)
+        copy, snr_dB[index] = noisy(faded, _grains(patch, sd, rng))
+        copies[index] = _stored(copy, rng)
+    return copies, snr_dB
+
+
+def _grains(patch: np.ndarray, sd: float, rng: np.random.Generator) -> np.ndarray:
+    """Noise of any grain for a patch (h, w, 3), (h, w, 3), or of brightness alone (h, w, 1)."""
+    height, width = patch.shape[:2]
+    grain = float(np.exp(rng.uniform(*np.log(GRAIN_PX))))
+    coloured = np.ptp(patch, axis=2).any() and rng.random() < 0.5
+    grains = rng.normal(0, sd, (int(np.ceil(height / grain)), int(np.ceil(width / grain)), 3 if coloured else 1))
+    how = cv2.INTER_AREA if grain < 1 else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(grains, (width, height), interpolation=how)).reshape(height, width, -1)
+
+
+def _stored(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """One time in two, as a camera gives it that compresses."""
+    if rng.random() >= 0.5:
+        return patch
+    _, data = cv2.imencode(".jpg", patch, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(50, 96))])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)
 
 
 def whole_copies(image: np.ndarray, copies: int, rng: np.random.Generator, side_px: int = PATCH_PX) -> list[np.ndarray]:
@@ -121,13 +190,13 @@ def whole_copies(image: np.ndarray, copies: int, rng: np.random.Generator, side_
     Each is (n, side_px, side_px, 3) uint8 (`image_patches`); what is wrong with a copy is wrong with all of its crops.
     """
     image = np.ascontiguousarray(reduced(image))
-    versions = [image, *(degraded(relit(image, rng), rng) for _ in range(copies))]
+    versions = [image, *(degraded(relit(image, rng), rng, STRONGEST_NOISE)[0] for _ in range(copies))]
     return [image_patches(version, side_px) for version in versions]
 
 
 def training_patches(
     image: np.ndarray, n: int, rng: np.random.Generator, side_px: int = PATCH_PX
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cut and vary patches of one photograph.
 
     Parameters
@@ -145,16 +214,20 @@ def training_patches(
         uint8.
     kind : (n,)
         `AS_IT_IS` (some of `image_patches`), `RELIT` or `DEGRADED`.
+    snr_dB : (n,)
+        How far the ground stands above the noise that was added [dB]; `NOISE_FREE_DB` where none was.
     """
     image = reduced(image)
     kind = np.searchsorted(np.round(np.cumsum(SHARES) * n), np.arange(n), side="right")
     upright = image_patches(image, side_px)
     order = np.resize(rng.permutation(len(upright)), n)
-    patches = np.empty((n, side_px, side_px, 3), dtype=np.uint8)
+    patches, snr_dB = np.empty((n, side_px, side_px, 3), dtype=np.uint8), np.full(n, NOISE_FREE_DB)
     for index in range(n):
         if kind[index] == AS_IT_IS:
             patches[index] = upright[order[index]]
             continue
         patch = relit(cut_patch(image, rng, side_px), rng)
-        patches[index] = patch if kind[index] == RELIT else degraded(patch, rng)
-    return patches, kind
+        if kind[index] == DEGRADED:
+            patch, snr_dB[index] = degraded(patch, rng)
+        patches[index] = patch
+    return patches, kind, snr_dB

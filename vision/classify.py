@@ -40,7 +40,8 @@ def patch_evidence(
 ) -> ClassEvidence:
     """Say what patches (n, s, s, 3) show, all in one batch; `known` is passed on to `rated`."""
     small, features = measures.of(patches)
-    quality, reasons = rated(light(small), features, model.settings["limits"], **known)
+    above_noise = measures.above_noise(features)
+    quality, reasons = rated(light(small), features, model.settings["limits"], above_noise=above_noise, **known)
     return model.evidence(features, quality, reasons)
 
 

@@ -1,13 +1,14 @@
-"""How far a patch of ground may be trusted: light, clipping, sharpness, and pixels on the ground.
+"""How far a patch of ground may be trusted: light, clipping, sharpness, noise, and pixels on the ground.
 
-What counts as sharp is learnt from the training patches (`learn_limits`) and kept in a model's settings; the other
-limits follow from 8-bit pixels.
+What counts as sharp (`learn_limits`) and how noise shows (`learn_noise`) is learnt from the training patches and kept
+in a model's settings; the other limits follow from 8-bit pixels.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..framework.core.classifier.signal_to_noise import SignalToNoise
 from .features import FEATURE_NAMES
 
 _FINE_WEAK = [FEATURE_NAMES.index("energy_mean_0.2"), FEATURE_NAMES.index("energy_weak_0.2")]
@@ -21,6 +22,9 @@ FLAT = (3.0, 0.7)
 """Standard deviation of grey levels, likewise: smooth snow and sand have little, and colour and brightness tell [-]."""
 BLUR_QUALITY = 0.3
 """Quality that is left to a patch as blurred as the most blurred ones that training knew [-]."""
+DROWNED_DB = -10.0
+"""Contrast of the ground over noise at which a patch is not to be trusted any more [dB]: answers say no more than the
+shares of the classes do (photographs held out)."""
 RESOLVED_PX = (40.0, 12.0)
 """Pixels of the image across a patch, likewise [px]."""
 
@@ -67,6 +71,49 @@ def check_limits(limits: object) -> None:
         raise ValueError(f"sharp, {limits['sharp']:g}, is not above blurred, {limits['blurred']:g}")
 
 
+def learn_noise(
+    features: np.ndarray,
+    snr_dB: np.ndarray,
+    groups: np.ndarray,
+    copies: np.ndarray,
+    copies_dB: np.ndarray,
+    copies_groups: np.ndarray,
+) -> tuple[SignalToNoise, np.ndarray]:
+    """Learn how noise shows, from training patches and from noisy copies that teach nothing else.
+
+    Parameters
+    ----------
+    features : (n, d)
+        Of `patch_features`, of the training patches; rows that are not finite are passed over.
+    snr_dB : (n,)
+        Contrast of the ground over the noise added to each [dB]; `NOISE_FREE_DB` where none was.
+    groups : (n,)
+        What must stay on one side of a split.
+    copies, copies_dB, copies_groups : (m, d), (m,), (m,)
+        Likewise of the copies.
+
+    Returns
+    -------
+    noise
+        The estimate, and what it leaves of the quality.
+    left : (n,)
+        What noise leaves of the quality of each training patch, in [0, 1], by a model that has not seen its group.
+    """
+    inputs, ratio_dB = np.concatenate([features, copies]), np.concatenate([snr_dB, copies_dB])
+    finite = np.isfinite(inputs).all(axis=1)
+    group = np.concatenate([groups, copies_groups])[finite]
+    noise, held_dB = SignalToNoise.fit(inputs[finite], ratio_dB[finite], group, drowned_dB=DROWNED_DB, squares=True)
+    left = np.ones(len(inputs))
+    left[finite] = noise.clear(held_dB)
+    return noise, left[: len(features)]
+
+
+def noise_leaves(noise: SignalToNoise, features: np.ndarray) -> np.ndarray:
+    """Give what noise leaves of the quality of patches with features (n, d), (n,); 1 where they are not finite."""
+    ratio_dB = noise.estimate(features)
+    return np.where(np.isfinite(ratio_dB), noise.clear(ratio_dB), 1.0)
+
+
 def light(patches: np.ndarray) -> np.ndarray:
     """Measure the light of patches (n, s, s, 3): share of clipped pixels, mean and spread of grey levels, (n, 3)."""
     grey = patches[:, ::2, ::2].reshape(len(patches), -1, 3)
@@ -87,6 +134,7 @@ def rated(
     features: np.ndarray,
     limits: dict[str, float],
     *,
+    above_noise: np.ndarray | None = None,
     resolution_px: np.ndarray | None = None,
     blur_share: np.ndarray | None = None,
 ) -> tuple[np.ndarray, list[tuple[str, ...]]]:
@@ -100,6 +148,8 @@ def rated(
         Of the same patches.
     limits
         Of `learn_limits`.
+    above_noise : (n,)
+        What noise leaves of the quality, where the model knows noise (`noise_leaves`) [-].
     resolution_px : (n,)
         Pixels of the image across each patch, where the geometry is known [px].
     blur_share : (n,)
@@ -122,6 +172,8 @@ def rated(
         ("no texture", _ramp(lights[:, 2], *FLAT)),
         ("blurred", sharp),
     ]
+    if above_noise is not None:
+        faults.append(("noise", above_noise))
     if resolution_px is not None:
         faults.append(("too few pixels on the ground", _ramp(resolution_px, *RESOLVED_PX)))
     if blur_share is not None:

@@ -9,15 +9,26 @@ import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.classifier.labelled import LabelledFile, readable
+from ..framework.core.classifier.signal_to_noise import NOISE_FREE_DB, SignalToNoise
 from ..framework.core.classifier.together import Wholes
 from ..framework.core.errors import InputError
 from ..framework.core.recording.camera import read_image
-from .augment import AS_IT_IS, CROP_SHARES, DEGRADED, GREY_SHARE, MAX_BLUR, SHARES, training_patches, whole_copies
+from .augment import (
+    AS_IT_IS,
+    CROP_SHARES,
+    DEGRADED,
+    GREY_SHARE,
+    MAX_BLUR,
+    SHARES,
+    noise_copies,
+    training_patches,
+    whole_copies,
+)
 from .backbone import Backbone
 from .crops import IMAGE_PX, SIDES
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .measures import MODALITY, Measures, feature_names
-from .quality import learn_limits, light, rated
+from .quality import learn_limits, learn_noise, light, noise_leaves, rated
 
 ROWS_WANTED = 6000
 PATCHES = (8, 40)
@@ -124,23 +135,24 @@ def _train(
     measures = Measures(backbone)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
     copies = COPIES[0] if backbone else int(np.clip(WHOLES_WANTED // max(count, 1), *COPIES))
-    features, lights, kinds, labels, groups = [], [], [], [], []
-    versions, copying = [], rng.spawn(1)[0]  # of its own: patches are the same whether there are copies or none
+    measured, in_noise, versions, labels, groups = [], [], [], [], []
+    copying, adding = rng.spawn(2)  # of their own: patches are the same whether there are copies or none
     for index, (image, label, group) in enumerate(images):
-        patches, kind = training_patches(image, each, rng, measures.side_px)
+        patches, kind, snr_dB = training_patches(image, each, rng, measures.side_px)
         small, values = measures.of(patches)
-        features.append(values)
-        lights.append(light(small))
-        kinds.append(kind)
+        measured.append((values, light(small), kind, snr_dB))
         labels.append(label)
         groups.append(group)
+        copied, ratio_dB = noise_copies(small[kind != DEGRADED], adding)
+        in_noise.append((patch_features(copied), ratio_dB))
         for crops in whole_copies(image, copies, copying, measures.side_px):
             small, values = measures.of(crops)
             versions.append((light(small), values))
         report(0.5 * (index + 1) / count)
-    if not features:
+    if not measured:
         raise InputError("training data", "no photograph", expected="photographs of at least two classes")
-    rows, kind = np.concatenate(features), np.concatenate(kinds)
+    rows, lights, kind, snr_dB = (np.concatenate(part) for part in zip(*measured, strict=True))
+    noisy, noisy_dB = (np.concatenate(part) for part in zip(*in_noise, strict=True))
     made = {
         "image_px": IMAGE_PX,
         "crops": [list(side) for side in SIDES],
@@ -150,6 +162,9 @@ def _train(
         "grey_share": GREY_SHARE,
     }
     built_in, d = len(FEATURE_NAMES), rows.shape[1]
+    owner = np.repeat(np.arange(len(labels)), each)
+    label, group = np.asarray(labels, dtype=str)[owner], np.asarray(groups, dtype=str)[owner]
+    noise, above_noise = learn_noise(rows[:, :built_in], snr_dB, group, noisy, noisy_dB, group[kind != DEGRADED])
     limits = learn_limits(rows, kind != DEGRADED)
     if backbone is not None:
         made["backbone"] = backbone.record()
@@ -160,20 +175,20 @@ def _train(
         ]
     return TerrainClassifier.train(
         rows,
-        np.repeat(np.asarray(labels, dtype=str), each),
-        np.repeat(np.asarray(groups, dtype=str), each),
+        label,
+        group,
         modality=MODALITY,
         feature_names=feature_names(d),
-        settings={"patch_px": PATCH_PX, "limits": limits} | made,
+        settings={"patch_px": PATCH_PX, "limits": limits, "noise": noise.settings()} | made,
         rng=rng,
         candidates=BACKBONE_CANDIDATES if backbone else CANDIDATES,
         columns=dict(zip(BACKBONE_CANDIDATES, ((0, built_in), (0, built_in), (built_in, d)), strict=True)),
         gate_ends=(built_in,),
         degraded=kind != AS_IT_IS,
-        quality=rated(np.concatenate(lights), rows, limits)[0],
+        quality=rated(lights, rows, limits, above_noise=above_noise)[0],
         samples=samples,
-        sample_of=np.repeat(np.arange(len(labels)), each),
-        wholes=_wholes(versions, labels, groups, 1 + copies, limits),
+        sample_of=owner,
+        wholes=_wholes(versions, labels, groups, 1 + copies, limits, noise),
         source="labelled photographs",
         notes=notes,
         progress=lambda share: report(0.5 + 0.5 * share),
@@ -182,12 +197,13 @@ def _train(
 
 def _wholes(
     measured: Sequence[tuple[np.ndarray, np.ndarray]], labels: Sequence[str], groups: Sequence[str], each: int,
-    limits: dict[str, float],
+    limits: dict[str, float], noise: SignalToNoise,
 ) -> Wholes:  # fmt: skip
     """Put together light and features of crops, `each` versions of a photograph of which the first is as it came."""
     lights, features = (np.concatenate(part) for part in zip(*measured, strict=True))
+    above_noise = noise_leaves(noise, features[:, : len(FEATURE_NAMES)])
     return Wholes(
-        features, rated(lights, features, limits)[0],
+        features, rated(lights, features, limits, above_noise=above_noise)[0],
         np.repeat(np.arange(len(measured)), [len(values) for _, values in measured]),
         np.repeat(np.asarray(labels, dtype=str), each), np.repeat(np.asarray(groups, dtype=str), each),
         np.arange(len(measured)) % each > 0, SHARES[DEGRADED],
@@ -204,7 +220,7 @@ def train_vision_patches(
     *,
     candidates: Sequence[str] | None = None,
 ) -> TrainingOutcome:
-    """Train on cells of ground as a moving camera has already seen them; nothing is varied any more.
+    """Train on cells of ground as a moving camera has already seen them; noisy copies teach what noise is.
 
     Parameters
     ----------
@@ -224,8 +240,11 @@ def train_vision_patches(
     InputError
         There are fewer than two classes.
     """
-    rows = patch_features(patches)
+    rows, group = patch_features(patches), np.asarray(groups, dtype=str)
     limits = learn_limits(rows, ~np.asarray(blurred, dtype=bool))
+    copies, copies_dB = noise_copies(patches, rng.spawn(1)[0])
+    clean_dB = np.full(len(patches), NOISE_FREE_DB)
+    noise, above_noise = learn_noise(rows, clean_dB, group, patch_features(copies), copies_dB, group)
     if progress is not None:
         progress(0.2)
     return TerrainClassifier.train(
@@ -234,11 +253,11 @@ def train_vision_patches(
         groups,
         modality=MODALITY,
         feature_names=FEATURE_NAMES,
-        settings={"patch_px": PATCH_PX, "limits": limits},
+        settings={"patch_px": PATCH_PX, "limits": limits, "noise": noise.settings()},
         rng=rng,
         candidates=candidates or PATCH_CANDIDATES,
         degraded=blurred,
-        quality=rated(light(patches), rows, limits)[0],
+        quality=rated(light(patches), rows, limits, above_noise=above_noise)[0],
         source="labelled patches",
         progress=None if progress is None else (lambda share: progress(0.2 + 0.8 * share)),
     )

@@ -10,6 +10,7 @@ import shipped_models
 from bevameter.framework.core.classifier import shipped
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.shipped import shipped_model
+from bevameter.vision.classify import image_evidence
 from measured import read
 from model_cards import table
 
@@ -55,3 +56,12 @@ def test_data_that_are_not_there_are_named_before_anything_is_trained(tmp_path, 
         shipped_models.main(["vision-real", "--data", str(tmp_path / "nowhere"), "--out", str(tmp_path / "out")])
     assert "nowhere is not there" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("name", "channels"), [("vision-real", 1), ("vision-real", 3), ("vision-synthetic", 3)])
+def test_noise_alone_is_no_ground(name, channels):
+    rng = np.random.default_rng(3)
+    noise = [rng.normal(128, sd, (480, 640, channels)) * np.ones(3) for sd in (20, 40, 80)]
+    evidence = image_evidence(shipped_model(name).load(), [np.clip(each, 0, 255).astype(np.uint8) for each in noise])
+    assert evidence.unknown.all()
+    assert all("noise" in reasons for reasons in evidence.reasons)

@@ -36,7 +36,7 @@ from bevameter.framework.core.recording.vibration import read_vibration_run
 from bevameter.framework.fusion import fuse
 from bevameter.framework.sense_map import SenseMap
 from bevameter.framework.senses import sense_named
-from bevameter.vision.classify import patch_evidence
+from bevameter.vision.classify import image_evidence, patch_evidence
 from bevameter.vision.measures import measures_of
 from bevameter.vision.train import train_vision_patches
 from model_cards import Made, Measured, card, classified, scored, write_table
@@ -49,6 +49,7 @@ REAL_SEED, SYNTHETIC_SEED = 0, 20021
 SITES_PER_CLASS = 24
 TILE_PX = 512
 """Side of a tile that is laid on the ground: 2 m [px]."""
+NOISE_IMAGES = 60
 MOST_OVERCONFIDENT = 0.1
 """Most by which the mean probability of a default model's answers may exceed the share that is right [-]."""
 FREE = ("CC0", "CC0-1.0")
@@ -108,6 +109,10 @@ def vision_real(data: Path) -> Made:
             ("photographs of a source and a class not trained on", strange),
         )
     )
+    noise = Measured.of(
+        "images of noise alone (simulated)", image_evidence(model, images_of_noise(rng)).as_rows(""),
+        ["none"] * NOISE_IMAGES, np.arange(NOISE_IMAGES).astype(str),
+    )  # fmt: skip
     commits = {str(item.extra["source"]): str(item.extra["commit"])[:8] for item in items}
     return Made(
         model,
@@ -115,7 +120,7 @@ def vision_real(data: Path) -> Made:
             f"- {count} photographs of github.com/{name}, commit {commits[name]}, CC0"
             for name, count in sources.most_common()
         ),
-        (others, looks, cells, unknown),
+        (others, looks, cells, unknown, noise),
         cells,
         f"balanced accuracy {scored(others.balanced)} on {others.what}, n = {others.n}",
         f"{scored(cells.balanced)} on cells of ground paved with these, seen by a moving camera (simulated), "
@@ -132,6 +137,15 @@ def vision_real(data: Path) -> Made:
         "optimistic. Those of a source not trained on are of models trained on the other sources; this model knows "
         "all.",
     )
+
+
+def images_of_noise(rng: np.random.Generator) -> list[np.ndarray]:
+    """Make images of nothing but noise, in colour or in brightness, of a standard deviation of 20 to 80 of 255."""
+    noise = [
+        rng.normal(128, rng.uniform(20, 80), (480, 640, 1 + 2 * (number % 2))) * np.ones(3)
+        for number in range(NOISE_IMAGES)
+    ]
+    return [np.clip(image, 0, 255).astype(np.uint8) for image in noise]
 
 
 def looked_at(

@@ -29,11 +29,20 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 
+
+def noisy(image, sd, rng):
+    """Add white noise of a standard deviation [of 255] to an image (h, w, 3)."""
+    return np.clip(image + rng.normal(0, sd, image.shape) + 0.5, 0, 255).astype(np.uint8)
+
+
+NO_GROUND = "noise alone"
 CONDITIONS = {
     "as it is": lambda image, rng: image,
     "blur of 11 px": lambda image, rng: motion_blur(image, 11, rng.uniform(0, np.pi)),
     "a quarter of the light": lambda image, rng: (image * 0.25).astype(np.uint8),
-    "noise of 20 of 255": lambda image, rng: np.clip(image + rng.normal(0, 20, image.shape), 0, 255).astype(np.uint8),
+    "noise of 20 of 255": lambda image, rng: noisy(image, 20, rng),
+    "noise as strong as the contrast": lambda image, rng: noisy(image, image.mean(axis=2).std(), rng),
+    NO_GROUND: lambda image, rng: noisy(np.full_like(image, 128), rng.uniform(20, 80), rng),
 }
 METHODS = {"package": "built-in features", "svm": "support vector machine on HSV, LBP, GLCM"}
 SPLITS = {"photograph": "photographs, five folds", "source": "the other source"}
@@ -121,14 +130,22 @@ def package(images, labels, groups, backbone=None):
 def calibration(stated, right):
     """Share that is right, mean stated probability, calibration error and share wrong among the surest, of n answers.
 
-    `stated` (n,) is not finite where a method states none: the last three are then not finite either.
+    `stated` (n,) is not finite where a method states none: the last three are then not finite either. All are not
+    finite where there is no answer.
     """
+    if not len(stated):
+        return np.nan, np.nan, np.nan, np.nan
     if not np.isfinite(stated).all():
         return right.mean(), np.nan, np.nan, np.nan
     bins = np.minimum((10 * stated).astype(int), 9)
     apart = np.bincount(bins, stated, 10) - np.bincount(bins, right.astype(float), 10)
     surest = np.argsort(-stated)[: round(0.8 * len(stated))]
     return right.mean(), stated.mean(), np.abs(apart).sum() / len(stated), 1 - right[surest].mean()
+
+
+def written(share):
+    """A share with two digits, or a dash where there is none."""
+    return f"{share:.2f}" if np.isfinite(share) else "-"
 
 
 def splits(kind, labels, groups, sources, seed):
@@ -144,7 +161,7 @@ def splits(kind, labels, groups, sources, seed):
 
 
 def study(method, split, images, labels, groups, sources, backbone, seed):
-    """Train and answer, print a table; cells of the conditions: balanced accuracy, and right, stated, apart."""
+    """Train and answer, print a table; cells of the conditions: balanced accuracy, and unknown and calibration."""
     train = svm if method == "svm" else partial(package, backbone=backbone)
     truths, units, answers, stated = [], [], {name: [] for name in CONDITIONS}, {name: [] for name in CONDITIONS}
     foreign, start = [], time.perf_counter()
@@ -170,12 +187,13 @@ def study(method, split, images, labels, groups, sources, backbone, seed):
         by_unit = confusion_by_unit(truth, said, unit, len(names))
         score = accuracy_intervals(by_unit)["balanced_accuracy"]
         known, right = said != len(names) - 1, said == truth
-        accuracies.append(f"{score['value']:.2f} ({score['low']:.2f} to {score['high']:.2f})")
-        calibrations.append(calibration(np.array(stated[name])[known], right[known]))
+        if name != NO_GROUND:
+            accuracies.append(f"{score['value']:.2f} ({score['low']:.2f} to {score['high']:.2f})")
+        calibrations.append((1 - known.mean(), *calibration(np.array(stated[name])[known], right[known])))
         print(
             f"{name:24s} balanced accuracy {score['value']:.3f} ({score['low']:.3f} to {score['high']:.3f}), "
-            f"unknown {1 - known.mean():.2f}, right where known, stated, calibration error, wrong among the surest "
-            f"80 %: {', '.join(f'{each:.3f}' for each in calibrations[-1])}"
+            f"unknown, right where known, stated, calibration error, wrong among the surest 80 %: "
+            f"{', '.join(f'{each:.3f}' for each in calibrations[-1])}"
         )
         if name == "as it is":
             table = by_unit.sum(axis=0).astype(int)
@@ -208,12 +226,14 @@ def main():
             accuracies.append((f"{SPLITS[split]}, n = {n}", METHODS[method], *scores))
             if method == "package":
                 rows = zip(CONDITIONS, calibrations, strict=True)
-                probabilities += [(SPLITS[split], name, *(f"{each:.2f}" for each in row)) for name, row in rows]
+                probabilities += [(SPLITS[split], name, *map(written, row)) for name, row in rows]
     if asked.write:
         data = f"Real; {len(images)} photographs of {len(set(labels))} classes in {len(set(groups))} groups"
-        write("photographs", ("held out", "method", *CONDITIONS), accuracies, data=f"{data}, balanced accuracy (95 %)")
-        columns = ("held out", "photographs", "right", "stated", "calibration error", "wrong among the surest 80 %")
-        write("photographs-probabilities", columns, probabilities, data=f"{data}; answers that are not unknown")
+        shown = (name for name in CONDITIONS if name != NO_GROUND)
+        write("photographs", ("held out", "method", *shown), accuracies, data=f"{data}, balanced accuracy (95 %)")
+        measures = ("unknown", "right", "stated", "calibration error", "wrong among the surest 80 %")
+        columns, data = ("held out", "photographs", *measures), f"{data}; right and stated where not unknown"
+        write("photographs-probabilities", columns, probabilities, data=data)
 
 
 if __name__ == "__main__":

@@ -44,6 +44,11 @@ def model():
         return train_vision_arrays(images, kinds, [f"p{i}" for i in range(18)], rng).classifier
 
 
+def unweighted(model):
+    """The model with the score of an image as the weight of what it shows: a weight that is learnt may be 1 for all."""
+    return replace(model, fitted=replace(model.fitted, trust=None))
+
+
 def written(folder, name, image):
     path = folder / name
     assert cv2.imwrite(str(path), image)
@@ -124,6 +129,53 @@ def test_damaged_limits_of_sharpness_are_named(limits, says, model, tmp_path, rn
     picture = written(tmp_path, "a.png", ground(rng, "fine"))
     damaged = replace(model, settings=model.settings | {"limits": limits}, file=tmp_path / "m.skops")
     with pytest.raises(InputError, match=rf"m\.skops, key settings\.limits: {says}"):
+        classify_images([picture], damaged)
+
+
+def test_quality_falls_with_noise_and_noise_alone_is_unknown(model):
+    rng = np.random.default_rng(6)
+    shown = [ground(rng, kind) for kind in ("blades", "stones") for _ in range(6)]
+    mean, quiet = [], []
+    for sd in (0, 15, 40):
+        evidence = image_evidence(
+            unweighted(model),
+            [np.clip(image + rng.normal(0, sd, image.shape), 0, 255).astype(np.uint8) for image in shown],
+        )
+        mean.append(evidence.quality.mean())
+        quiet.append(np.mean(["noise" not in reasons for reasons in evidence.reasons]))
+    assert mean[0] > 0.85
+    assert (np.diff(mean) < 0).all()
+    assert mean[-1] < 0.05
+    assert quiet[0] > 0.5
+    assert quiet[-1] == 0
+    alone = [np.clip(rng.normal(128, sd, (160, 160, 3)), 0, 255).astype(np.uint8) for sd in (20, 40, 80)]
+    assert image_evidence(model, alone).unknown.all()
+
+
+def test_models_of_before_do_not_judge_noise(model, rng):
+    settings = {key: value for key, value in model.settings.items() if key != "noise"}
+    loud = np.clip(ground(rng, "stones") + rng.normal(0, 40, (160, 160, 3)), 0, 255).astype(np.uint8)
+    now, before = (image_evidence(each, [loud]) for each in (model, replace(model, settings=settings)))
+    assert "noise" in now.reasons[0]
+    assert "noise" not in before.reasons[0]
+    assert before.quality[0] > now.quality[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (None, "no noise model"),
+        ({"mean": None}, "mean of the noise model"),
+        ({"scale": [1.0]}, "scale of the noise model"),
+        ({"intercept": "x"}, "intercept of the noise model"),
+        ({"low_dB": 99.0}, "the noise model is damaged"),
+    ],
+)
+def test_a_damaged_noise_model_is_named(change, says, model, tmp_path, rng):
+    picture = written(tmp_path, "a.png", ground(rng, "fine"))
+    noise = change and model.settings["noise"] | change
+    damaged = replace(model, settings=model.settings | {"noise": noise}, file=tmp_path / "m.skops")
+    with pytest.raises(InputError, match=rf"m\.skops, key settings\.noise: {says}"):
         classify_images([picture], damaged)
 
 
@@ -225,7 +277,8 @@ def test_a_vehicle_at_rest_or_lost_gives_no_more_evidence(model, rng):
 def test_speed_for_the_exposure_costs_quality(model, rng):
     film = Film([ground(rng, "fine", 640)[:480]])
     slow, fast = (
-        next(iter(observe_ground(film, lens(), *straight(v), model, 0.5))).evidence.quality for v in (1.0, 30.0)
+        next(iter(observe_ground(film, lens(), *straight(v), unweighted(model), 0.5))).evidence.quality
+        for v in (1.0, 30.0)
     )
     assert fast.sum() < slow.sum()
 

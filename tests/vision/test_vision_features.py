@@ -3,7 +3,16 @@
 import cv2
 import numpy as np
 import pytest
-from bevameter.vision.augment import cut_patch, motion_blur, training_patches, whole_copies
+from bevameter.framework.core.classifier.signal_to_noise import NOISE_FREE_DB
+from bevameter.vision.augment import (
+    DEGRADED,
+    cut_patch,
+    motion_blur,
+    noise_copies,
+    noisy,
+    training_patches,
+    whole_copies,
+)
 from bevameter.vision.crops import image_patches
 from bevameter.vision.features import FEATURE_NAMES, PATCH_PX, patch_features
 from bevameter.vision.quality import learn_limits, light, rated, sharpness
@@ -99,10 +108,28 @@ def test_a_photograph_of_any_shape_is_degraded_as_a_whole():
 
 def test_training_patches_repeat_by_seed():
     image = np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8)
-    first, kind = training_patches(image, 10, np.random.default_rng(5))
-    again, _ = training_patches(image, 10, np.random.default_rng(5))
+    first, kind, snr_dB = training_patches(image, 10, np.random.default_rng(5))
+    again, *_ = training_patches(image, 10, np.random.default_rng(5))
     np.testing.assert_array_equal(first, again)
     assert np.bincount(kind).tolist() == [4, 2, 4]
+    assert (snr_dB[kind != DEGRADED] == NOISE_FREE_DB).all()
+    assert (snr_dB[kind == DEGRADED] < NOISE_FREE_DB).any()
+
+
+@pytest.mark.parametrize(("sd", "ratio_dB"), [(0.0, NOISE_FREE_DB), (3.0, 20.0), (30.0, 0.0)])
+def test_the_ratio_of_noise_is_that_of_grey_levels(sd, ratio_dB, rng):
+    waves = 128 + 30 * np.sqrt(2) * np.sin(np.arange(512) * 2 * np.pi / 32)
+    image = np.repeat(np.tile(waves, (512, 1))[..., None], 3, axis=2).astype(np.uint8)
+    changed, found_dB = noisy(image, rng.normal(0, sd, (512, 512, 1)))
+    assert found_dB == pytest.approx(ratio_dB, abs=0.3)
+    assert (changed.astype(int) - image).std() == pytest.approx(sd, abs=0.3)
+
+
+def test_copies_for_noise_reach_from_none_to_nothing_else(rng):
+    patches = textures(rng, n=200)
+    copies, snr_dB = noise_copies(patches, rng)
+    assert copies.shape == patches.shape
+    assert np.quantile(snr_dB, 0.1) < -15 < 10 < np.quantile(snr_dB, 0.9)
 
 
 def test_quality_names_what_is_wrong(rng):

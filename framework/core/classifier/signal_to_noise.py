@@ -25,8 +25,11 @@ class SignalToNoise:
 
     Parameters
     ----------
-    mean, scale, coefficient : (d,)
-        Ridge regression on standard scores (Hoerl and Kennard 1970, doi:10.1080/00401706.1970.10488634).
+    mean, scale : (d,)
+        Of the features.
+    coefficient : (d,) or (2 d,)
+        Ridge regression on standard scores, and on their squares where there are twice as many (Hoerl and Kennard 1970,
+        doi:10.1080/00401706.1970.10488634).
     intercept
         [dB].
     low_dB, high_dB
@@ -42,7 +45,7 @@ class SignalToNoise:
 
     @staticmethod
     def fit(
-        inputs: np.ndarray, snr_dB: np.ndarray, groups: np.ndarray, *, drowned_dB: float
+        inputs: np.ndarray, snr_dB: np.ndarray, groups: np.ndarray, *, drowned_dB: float, squares: bool = False
     ) -> tuple[SignalToNoise, np.ndarray]:
         """Fit to training data with known noise added.
 
@@ -58,6 +61,8 @@ class SignalToNoise:
             What must stay on one side of a split.
         drowned_dB
             Ratio at which nothing is to be trusted any more [dB].
+        squares
+            Whether squares of the features take part, too.
 
         Returns
         -------
@@ -70,7 +75,7 @@ class SignalToNoise:
         from sklearn.model_selection import GroupKFold
 
         mean, scale = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), 1e-6)
-        z = np.clip((inputs - mean) / scale, -_LIMIT, _LIMIT)
+        z = _scores(inputs, mean, scale, squares)
         # How deep a signal is drowned does not matter, and would bend the line where it does.
         target = np.clip(snr_dB, drowned_dB - _DEEPEST_DB, NOISE_FREE_DB)
         splits = min(5, len(np.unique(groups)))
@@ -90,7 +95,8 @@ class SignalToNoise:
 
     def estimate(self, inputs: np.ndarray) -> np.ndarray:
         """Estimate the signal-to-noise ratio [dB] from inputs (n, d): (n,), NaN where one is."""
-        return np.clip((inputs - self.mean) / self.scale, -_LIMIT, _LIMIT) @ self.coefficient + self.intercept
+        squares = len(self.coefficient) > len(self.mean)
+        return _scores(inputs, self.mean, self.scale, squares) @ self.coefficient + self.intercept
 
     def clear(self, ratio_dB: np.ndarray) -> np.ndarray:
         """Give the share of the quality that noise leaves at these ratios (n,) [dB], (n,); 0 where one is NaN."""
@@ -106,8 +112,10 @@ class SignalToNoise:
     @staticmethod
     def from_settings(settings: object, width: int) -> SignalToNoise:
         """Make the model of `width` inputs from its settings; raises `ValueError` where they are no such model."""
-        sizes: dict[str, int | None] = {"mean": width, "scale": width, "coefficient": width}
-        parts = checked_numbers(settings, sizes | {name: None for name in _ONE})
+        given = settings.get("coefficient") if isinstance(settings, dict) else None
+        squares = isinstance(given, list) and len(given) == 2 * width
+        sizes: dict[str, int | None] = {"mean": width, "scale": width, "coefficient": (1 + squares) * width}
+        parts = checked_numbers(settings, sizes | dict.fromkeys(_ONE))
         if not (parts["scale"] > 0).all() or parts["high_dB"] <= parts["low_dB"]:
             raise ValueError("the noise model is damaged")
         return SignalToNoise(
@@ -118,13 +126,23 @@ class SignalToNoise:
 _ONE = ("intercept", "low_dB", "high_dB")
 
 
+def _scores(inputs: np.ndarray, mean: np.ndarray, scale: np.ndarray, squares: bool) -> np.ndarray:
+    """Standard scores of inputs (n, d), (n, d); with their squares (n, 2 d)."""
+    z = np.clip((inputs - mean) / scale, -_LIMIT, _LIMIT)
+    return np.concatenate([z, z**2], axis=1) if squares else z
+
+
 def checked_numbers(settings: object, sizes: dict[str, int | None]) -> dict[str, np.ndarray]:
     """Give the parts of a noise model as arrays of these sizes, numbers where None; raises `ValueError`."""
     if not isinstance(settings, dict) or set(settings) != set(sizes):
         raise ValueError("no noise model in the settings")
-    parts = {name: np.asarray(value, dtype=float) for name, value in settings.items()}
-    for name, value in parts.items():
+    parts: dict[str, np.ndarray] = {}
+    for name, given in settings.items():
         size = sizes[name]
+        try:
+            value = parts[name] = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} of the noise model is damaged") from None
         if value.shape != (() if size is None else (size,)) or not np.isfinite(value).all():
             raise ValueError(f"{name} of the noise model is damaged")
     return parts
