@@ -10,7 +10,8 @@ from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Vehicle
 from .effects.catalogue import effect_class
 from .effects.stored import AugmentedSimulator
-from .simulate import ANSWERS, simulate
+from .mechanics.textbook import ANSWERS
+from .simulate import simulate
 
 
 def for_later_drives(physics: AugmentedSimulator, vehicle: str) -> AugmentedSimulator:

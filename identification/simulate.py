@@ -19,12 +19,9 @@ from .effects.effect import PULL, SINKAGE, TORQUE
 from .effects.parse import NamedEffect, build, parse_effect, situation_of
 from .mechanics.augmented import AugmentedWheel
 from .mechanics.soil import Soil, soil_vector
-from .mechanics.textbook import equilibrium
+from .mechanics.textbook import ANSWERS, equilibrium
 from .rows.signs import check_signs
 from .rows.weight import with_loads
-
-ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
-"""Channels that a simulation adds."""
 
 
 def simulate(

@@ -19,6 +19,7 @@ import numpy as np
 from ...framework.core.arguments import shown
 from ...framework.core.errors import InputError
 from ...framework.core.explanation import UNKNOWN
+from ...framework.core.quantities import finite_or_none
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
 from ...framework.core.vehicle import Vehicle
@@ -187,7 +188,7 @@ class AugmentedSimulator:
                     "form": effect.form,
                     "parameters": {name: _packed(entry) for name, entry in effect.parameters.items()},
                     "constants": {name: float(value) for name, value in effect.constants.items()},
-                    **({"probability": _known(effect.probability)} if second else {}),
+                    **({"probability": finite_or_none(effect.probability)} if second else {}),
                 }
                 for effect in self.effects
             ],
@@ -319,11 +320,7 @@ def _constants(document: Any, effect: Effect, source: str, place: str) -> dict[s
 
 
 def _packed(entry: Estimated) -> dict[str, float | None]:
-    return {"value": float(entry.value), "sd": _known(entry.sd)}
-
-
-def _known(number: float) -> float | None:
-    return float(number) if math.isfinite(number) else None
+    return {"value": float(entry.value), "sd": finite_or_none(entry.sd)}
 
 
 def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, Any]:

@@ -8,8 +8,6 @@ M. Knott, Biometrics 30 (1974)).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import median_filter
 
@@ -52,7 +50,7 @@ def _split(
     if whole.misfit <= WRONG_FORM or not allowed.any():
         return undivided
     at = _largest_step(whole.fit.residuals[:, ANSWERS], allowed)
-    parts = [_part(measured, slice(0, at)), _part(measured, slice(at, count))]
+    parts = [measured.select(slice(0, at)), measured.select(slice(at, count))]
     fits = [solve(part, wheel, known) for part in parts]
     gain = sum(each.fit.log_likelihood for each in fits) - whole.fit.log_likelihood
     if gain / _repeated(fits, _window(measured.order, limits)) <= 0.5 * len(whole.fit.information) * np.log(count):
@@ -62,10 +60,6 @@ def _split(
         for part, start, each in zip(parts, (offset, offset + at), fits, strict=True)
     )
     return first + second
-
-
-def _part(measured: Measured, rows: slice) -> Measured:
-    return replace(measured, channels=measured.channels[rows], order=measured.order[rows])
 
 
 def _long_enough(order: np.ndarray, limits: Limits) -> np.ndarray:

@@ -249,7 +249,7 @@ def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, report: R
     segments = []
     for number, ((part, solution), start, end) in enumerate(zip(parts, starts, ends, strict=True), 1):
         report(f"computing intervals, part {number} of {len(parts)}")
-        own = replace(kept, channels=kept.channels[part], order=kept.order[part])
+        own = kept.select(part)
         estimate = summarise(solution, own, rows.wheel, notes=(*notes, *autocorrelation_finding(kept, solution)))
         estimate = _as_far_as_known(rows, estimate)
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))

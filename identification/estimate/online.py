@@ -11,7 +11,7 @@ import numpy as np
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, ShearStrength, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import from_internal, slope_of_internal, to_internal
-from ..mechanics.textbook import CHANNELS, TextbookWheel
+from ..mechanics.textbook import CHANNELS
 from .estimate import build_problem, converge
 from .identifiability import advise, mean_stress, separable
 from .likelihood import Point, Problem
@@ -187,7 +187,7 @@ class OnlineIdentifier:
         c, phi = estimate.parameters["c_Pa"], estimate.parameters["phi_rad"]
         sd_tan = phi.sd / math.cos(phi.value) ** 2
         strength = []
-        for stress in np.percentile(mean_stress(self._fit.theta_1, values, TextbookWheel(self._wheel)), [10, 50, 90]):
+        for stress in np.percentile(mean_stress(self._fit.theta_1, values, self._wheel), [10, 50, 90]):
             value = c.value + stress * math.tan(phi.value)
             variance = c.sd**2 + (stress * sd_tan) ** 2 + 2.0 * estimate.correlation * c.sd * stress * sd_tan
             half = _TWO_SIDED * math.sqrt(max(variance, 0.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.stats import chi2
 from ...framework.core.files import whole
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
+from ..mechanics.soil import soil_vector
 from ..mechanics.textbook import TextbookWheel
 from ..rows.geometry import by_geometry, by_soil
 from ..rows.select import SelectedRows, as_trials, select_wheel_rows
@@ -144,9 +145,9 @@ def _compared(recording: Recording, result: Identification) -> Iterator[_Compare
             assert segment.estimate is not None
             measured = measured_rows(rows, _rows_of(segment, rows)).channels
             measured = measured[np.isfinite(measured[:, [0, 3]]).all(axis=1)]
-            model = TextbookWheel(rows.wheel)
-            vector = model.to_vector({name: each.value for name, each in segment.estimate.parameters.items()})
-            simulated = model.predict(measured[:, [0, 3]], vector, np.full(len(measured), np.nan)).channels
+            vector = soil_vector({name: each.value for name, each in segment.estimate.parameters.items()})
+            start = np.full(len(measured), np.nan)
+            simulated = TextbookWheel(rows.wheel).predict(measured[:, [0, 3]], vector, start).channels
             yield _Compared(where(segment), measured, simulated)
 
 
@@ -180,8 +181,7 @@ def _converge(panels: np.ndarray, rows: SelectedRows, chosen: np.ndarray, known:
 
 def _at(measured: Measured, end: int, rows: SelectedRows, known: SoilKnowledge) -> tuple[float, float, float, float]:
     """Cohesion [Pa] and phi [deg] from the first `end` samples, each with the half of its Wald interval."""
-    part = replace(measured, channels=measured.channels[:end], order=measured.order[:end])
-    solution = solve(part, rows.wheel, known)
+    solution = solve(measured.select(slice(end)), rows.wheel, known)
     sd = np.sqrt(np.maximum(np.diag(solution.covariance())[:2], 0.0))
     phi = math.atan(solution.fit.vector[1])
     return (

@@ -105,11 +105,6 @@ class AugmentedWheel:
         """Soils of all grounds in the parameter vector."""
         return slice(0, SOIL_COUNT * self.grounds)
 
-    @property
-    def size(self) -> int:
-        """Length of the parameter vector."""
-        return self.soils.stop + sum(len(effect.parameters) for effect in self.effects)
-
     def with_effects(self, effects: tuple[Effect, ...]) -> AugmentedWheel:
         """Return the wheel on the same grounds with other effects."""
         return replace(self, effects=effects)
