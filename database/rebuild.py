@@ -34,18 +34,11 @@ from .check import Fault, check
 from .connections import uri_for_reading
 from .drive_rows import CHUNK, OBSERVATIONS, imported, insert_rows
 from .rows import drive_of
-from .schema import (
-    BUSY_TIMEOUT_S,
-    READ_IF_CUT_OFF,
-    check_known,
-    opened_as_it_is,
-    parse_url,
-    revision_of,
-    shown,
-)
+from .schema import BUSY_TIMEOUT_S, READ_IF_CUT_OFF, check_known, opened_as_it_is, revision_of
 from .store import TerrainDatabase
 from .stored_rows import keep_damaged_text, text_of
 from .tables import Base, DriveRow, ImportRow, PhysicsRow, table_of
+from .urls import parse_url, shown
 
 _TABLES = (DriveRow, ImportRow, *OBSERVATIONS, PhysicsRow)
 

@@ -12,9 +12,9 @@ from bevameter import TerrainDatabase
 from bevameter.database.check import check
 from bevameter.database.maintenance import prune as remove_superseded
 from bevameter.database.observations import Drive
-from bevameter.database.schema import parse_url
 from bevameter.database.store import Added
 from bevameter.database.tables import Base
+from bevameter.database.urls import parse_url
 from bevameter.framework.core.pooling import cells_from_keys
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
