@@ -18,7 +18,8 @@ from .solution import Solution
 SHARE_OF_STRENGTH = 0.25
 """Cohesion or friction is separable if its half interval is below this share of the shear strength [-]."""
 
-_TWO_SIDED = 1.96
+TWO_SIDED = 1.96
+"""Standard deviations in half of a 95 % interval of a normal distribution [-]."""
 
 GROSSLY_WRONG = 3.0
 """Misfit beyond which nothing counts as determined: what is left out of the model weighs more than the noise [-]."""
@@ -67,6 +68,22 @@ def strengths(
     return tuple(answer)
 
 
+def wald_strengths(
+    stresses_Pa: np.ndarray, mean: np.ndarray, covariance: np.ndarray, quantile: float
+) -> tuple[ShearStrength, ...]:
+    """Shear strength, Eq. 1, at normal stresses [Pa], with intervals of so many standard deviations.
+
+    `mean` (2,) and `covariance` (2, 2) are those of c [Pa] and tan phi.
+    """
+    answer = []
+    for stress in stresses_Pa.tolist():
+        gradient = np.array([1.0, stress])
+        value = float(gradient @ mean)
+        half = quantile * math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
+        answer.append(ShearStrength(stress, value, max(value - half, 0.0), value + half))
+    return tuple(answer)
+
+
 def mean_stress(theta_1: np.ndarray, values: dict[str, float], wheel: Wheel) -> np.ndarray:
     """Normal stress [Pa] averaged over the contact, (n,): both zones of Eq. 8-9 have the same average."""
     nodes, weights = FINE
@@ -110,10 +127,10 @@ def separable(
         elif _spans_soils(name, quantity):
             answer[name] = False
         elif name == "c_Pa":
-            answer[name] = _TWO_SIDED * quantity.sd <= most
+            answer[name] = TWO_SIDED * quantity.sd <= most
         elif name == "phi_rad":
             slope = 1.0 / math.cos(quantity.value) ** 2
-            answer[name] = _TWO_SIDED * quantity.sd * slope * middle.normal_stress_Pa <= most
+            answer[name] = TWO_SIDED * quantity.sd * slope * middle.normal_stress_Pa <= most
         else:
             answer[name] = quantity.high <= FACTOR * quantity.value and quantity.low >= quantity.value / FACTOR
     return answer

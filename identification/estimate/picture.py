@@ -20,6 +20,7 @@ from ..mechanics.textbook import TextbookWheel
 from ..rows.geometry import by_geometry, by_soil
 from ..rows.select import SelectedRows, as_trials, select_wheel_rows
 from .estimate import LEAST_ROWS, solve, usable
+from .identifiability import TWO_SIDED
 from .identify import Identification, Segment, measured_rows
 from .noise_likelihood import solve_with_noise
 from .solution import Measured
@@ -41,7 +42,6 @@ _ANSWERS = {1: ("torque T [N m]", 1.0), 2: ("sinkage z [mm]", 1e3), 4: ("drawbar
 """Channels that the soil answers with, by their column: name, and how many of its unit are one in SI."""
 
 _DEGREES = 180.0 / math.pi
-_TWO_SIDED = 1.96
 _COLOURS = ("#1b6ca8", "#c4572e", "#3a7d44", "#7b4fa3", "#a67c00", "#2a9d8f", "#b5446e", "#5c6b73")
 
 
@@ -186,9 +186,9 @@ def _at(measured: Measured, end: int, rows: SelectedRows, known: SoilKnowledge) 
     phi = math.atan(solution.fit.vector[1])
     return (
         max(float(solution.fit.vector[0]), 0.0),
-        _TWO_SIDED * float(sd[0]),
+        TWO_SIDED * float(sd[0]),
         phi * _DEGREES,
-        _TWO_SIDED * float(sd[1]) * math.cos(phi) ** 2 * _DEGREES,
+        TWO_SIDED * float(sd[1]) * math.cos(phi) ** 2 * _DEGREES,
     )
 
 

@@ -18,7 +18,7 @@ from ..files import file_size
 from . import numerals
 from .layout import BLANKS, Layout, find_layout, is_comment, is_number, is_unit_row, split, upright
 from .summary_rows import gaps, headings, summaries, unnamed_means, words_only
-from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes
+from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes, with_rows
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc")
 ENDINGS = (*TEXT_ENDINGS, *(ending + ".gz" for ending in TEXT_ENDINGS), ".parquet", ".xlsx", ".xlsm")
@@ -101,7 +101,7 @@ class Sheet:
         """
         if self.source.name.lower().endswith(".parquet"):
             table = from_parquet(self.source, numbers, text)
-            return _with_rows(table), frozenset(), frozenset()
+            return with_rows(table), frozenset(), frozenset()
         body, rows, left_out = self._body()
         first = self.first
 
@@ -140,7 +140,7 @@ class Sheet:
             if np.isfinite(values).any() or any(words):
                 self.notes.append(f"{name} has no name, left out")
         rows = None if rows is None else rows[: len(trimmed[self.names[0]])]
-        table = _with_rows(Table(found.numbers, found.text, self.source, self.first, problems, rows))
+        table = with_rows(Table(found.numbers, found.text, self.source, self.first, problems, rows))
         return table, frozenset(found.percent), frozenset(found.dated)
 
     def _no_trials(
@@ -203,12 +203,6 @@ def _first_bytes(text: bytes) -> set[int]:
     codes = np.frombuffer(text, dtype=np.uint8)
     after = codes[1:][codes[:-1] == ord("\n")]
     return {*text[:1], *np.flatnonzero(np.bincount(after, minlength=1)).tolist()}
-
-
-def _with_rows(table: Table) -> Table:
-    if not len(table):
-        raise InputError(table.source, "a header without rows", expected="at least one row of data")
-    return table
 
 
 def open_sheet(path: Path, is_known: Callable[[str], bool], *, own: frozenset[str], sheet: str | None = None) -> Sheet:
