@@ -16,6 +16,7 @@ from scipy.signal import savgol_filter
 from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.clock import interpolate
 from ...framework.core.recording.types import Pose, WheelTable
+from ...framework.core.track.positions import runs_of
 from ...framework.core.vehicle import Vehicle
 from ..effects.drive import order_of
 from .travel import slopes
@@ -123,7 +124,7 @@ def _over_a_second(table: WheelTable, name: str, *, rate: bool = False) -> np.nd
     if values is None or "time_s" not in table:
         return answer
     time_s, (order, stretch) = table["time_s"], order_of(table)
-    for rows in np.split(order, np.flatnonzero(np.diff(stretch)) + 1):
+    for rows in (order[run] for run in runs_of(stretch)):
         rows = rows[np.isfinite(values[rows])]
         step_s = float(np.median(np.diff(time_s[rows]))) if len(rows) > 2 else 0.0
         window = max(2 * round(0.5 * _OVER_S / step_s) + 1, 3) if step_s > 0.0 else 0
