@@ -58,4 +58,4 @@ def without_effects(physics: AugmentedSimulator, vehicle: Vehicle, table: WheelT
         for name in ANSWERS
         if name in table and not np.array_equal(augmented[name], textbook[name], equal_nan=True)
     }
-    return replace(table, columns={**table.columns, **changed})
+    return table.adding(changed)

@@ -89,14 +89,14 @@ def simulate(
         check_signs(part, wheel)
         slips[rows] = part["slip"]
         parts.append((wheel, rows, part))
-    before = _slip_before(replace(table, columns={**table.columns, "slip": slips}), parts[0][0]) if named else None
+    before = _slip_before(table.adding({"slip": slips}), parts[0][0]) if named else None
     for wheel, rows, part in parts:
         channels = (
             _textbook(wheel, soil, part) if before is None else _augmented(wheel, soil, part, named, before[rows])
         )
         for column, values in zip(ANSWERS, channels, strict=True):
             answers[column][rows] = values
-    return table.with_columns({**table.columns, "slip": slips, **answers})
+    return table.adding({"slip": slips, **answers})
 
 
 def notes(vehicle: Vehicle, simulated: WheelTable, effects: Sequence[str | NamedEffect] = ()) -> list[str]:

@@ -73,7 +73,7 @@ def vibration_of_imu(
     rows = list(zip(time_ns.tolist(), *channels, strict=True))
     shifted = wheel
     if wheel is not None:
-        shifted = wheel.with_columns({**wheel.columns, "time_s": wheel["time_s"] - origin_s})
+        shifted = wheel.adding({"time_s": wheel["time_s"] - origin_s})
     run, problems = vibration_of(rows, 0, shifted, VibrationTopic(topic=IMU), SOURCE)
     return (None if run is None else replace(run, time_s=run.time_s + origin_s)), problems
 

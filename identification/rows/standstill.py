@@ -55,7 +55,7 @@ def with_standstill(table: WheelTable) -> WheelTable:
     changed = {name: np.where(still, 0.0, table[name]) for name in names}
     if slip is not None:
         changed["slip"] = np.where(still, math.nan, slip)
-    return table.with_columns({**table.columns, **changed})
+    return table.adding(changed)
 
 
 def stands(table: WheelTable) -> np.ndarray:

@@ -7,7 +7,6 @@ weight to the rear, a bend to its outer side (J. Y. Wong, "Theory of Ground Vehi
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from scipy.constants import g as GRAVITY
@@ -92,9 +91,9 @@ def with_loads(
         transfer.append("yaw_rad")
     if vehicle.mass_kg is not None and not table.observed("pitch_rad").size:
         found = warning("load_without_slope", load_N=float(np.nanmean(load)), sd_N=noise)
-        return replace(table, columns={**table.columns, "load_N": load}), weighed, found
+        return table.adding({"load_N": load}), weighed, found
     found = note("load_computed", load_N=float(np.nanmean(load)), sd_N=noise, transfer=transfer)
-    return replace(table, columns={**table.columns, "load_N": load}), weighed, found
+    return table.adding({"load_N": load}), weighed, found
 
 
 def _acceleration(table: WheelTable) -> np.ndarray:
@@ -178,7 +177,7 @@ def with_pull(
         "pull_computed", sd_N=noise, towed=towed, share=_PULL_SHARE, load_N=mean_N, resistance=_RESISTANCE,
         resistance_sd=_RESISTANCE_SD if towed else 0.0, towed_over_driven=towed_share, towed_over_driven_by_N=by_N,
     )  # fmt: skip
-    return replace(table, columns={**table.columns, "drawbar_pull_N": pull}), known, found
+    return table.adding({"drawbar_pull_N": pull}), known, found
 
 
 def _by_load(share: np.ndarray, load_N: np.ndarray) -> tuple[float, float, float]:
