@@ -61,16 +61,6 @@ class Variable:
     values: np.ndarray
     edges: np.ndarray
 
-    @property
-    def cell(self) -> np.ndarray:
-        """Number of the cell of each sample; -1 where the variable was not observed."""
-        inside = np.clip(np.searchsorted(self.edges, self.values, side="right") - 1, 0, len(self.edges) - 2)
-        return np.where(np.isfinite(self.values), inside, -1)
-
-    def indicators(self) -> np.ndarray:
-        """(n, k) one where a sample lies in a cell."""
-        return (self.cell[:, None] == np.arange(len(self.edges) - 1)).astype(float)
-
 
 def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
     """Return the variables that vary in these samples.
