@@ -28,7 +28,7 @@ class Estimate:
     """A value, its standard deviation and their unit; NaN where a number is not known."""
 
     value: float
-    sd: float
+    sd: float = math.nan
     unit: str = ""
 
     def to_json(self) -> dict[str, Any]:

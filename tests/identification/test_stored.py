@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import InputError, Vehicle, Wheel
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import PULL, TORQUE, Effect
 from bevameter.identification.effects.ensemble import channels, error_count, errors_of_fit, soils_off
 from bevameter.identification.effects.parse import specimen
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.effects.stored import AugmentedSimulator, StoredEffect
 from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
@@ -36,9 +37,9 @@ def fitted(*effects: Effect, sd: float = 0.0) -> AugmentedSimulator:
 
 
 def physics(slug: str, sd: float = math.nan, **parameters: float) -> AugmentedSimulator:
-    soil = {name: Estimated(getattr(SOIL, name), 0.01) for name in PARAMETERS}
+    soil = {name: Estimate(getattr(SOIL, name), 0.01) for name in PARAMETERS}
     form = parameters.pop("form", "")
-    named = {name: Estimated(value, sd) for name, value in parameters.items()}
+    named = {name: Estimate(value, sd) for name, value in parameters.items()}
     return AugmentedSimulator(soil, (StoredEffect(slug, str(form), named),))
 
 
@@ -260,7 +261,7 @@ def test_a_ripple_of_other_lugs_than_the_vehicle_s_can_be_simulated():
     )  # fmt: skip
     vehicle = Vehicle(wheels=(SITUATION.wheel.model_copy(update={"grouser_count": 10}),))
     soil = Soil(c_Pa=300.0, phi_rad=0.54, k_m=0.012, stiffness_Pa=9e4, n=0.9)
-    found = StoredEffect("grousers", "ripple, 12 lugs", {"a_T": Estimated(0.5, 0.1)}, {})
+    found = StoredEffect("grousers", "ripple, 12 lugs", {"a_T": Estimate(0.5, 0.1)}, {})
     rippled = simulate(vehicle, soil, drive, [found.named])
     plain = simulate(vehicle, soil, drive)
     np.testing.assert_allclose(rippled["torque_Nm"] - plain["torque_Nm"], 0.5 * np.cos(24.0 * time_s), atol=1e-3)
