@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -255,14 +255,8 @@ def open_sheet(path: Path, is_known: Callable[[str], bool], *, own: frozenset[st
     for _ in range(layout.first - 1):
         body = body.partition(b"\n")[2]
     named = _named(path, layout.names, layout.units, header=layout.header)
-    return Sheet(
-        path, named.names, named.units, layout.header, named.twice, named.unnamed, [*notes, *layout.notes],
-        layout.delimiter, body, layout.first,
-    )  # fmt: skip
-
-
-def _is_own(names: Sequence[str], own: frozenset[str]) -> bool:
-    return any(name in own for name in names)
+    notes = [*notes, *layout.notes]
+    return replace(named, notes=notes, delimiter=layout.delimiter, body=body, first=layout.first)
 
 
 def _own_layout(beginning: str, own: frozenset[str]) -> Layout | None:
@@ -270,7 +264,7 @@ def _own_layout(beginning: str, own: frozenset[str]) -> Layout | None:
     first, _, rest = beginning.partition("\n")
     names = split(first, ",")
     below = split(rest.partition("\n")[0], ",")
-    if first.count('"') % 2 or not _is_own(names, own) or is_unit_row(below) or len(below) == len(names) + 1:
+    if first.count('"') % 2 or own.isdisjoint(names) or is_unit_row(below) or len(below) == len(names) + 1:
         return None
     return Layout(",", tuple(names), None, 1, 2, ())
 
