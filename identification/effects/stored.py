@@ -173,12 +173,12 @@ class AugmentedSimulator:
             further["vehicle"] = self.vehicle
         return {
             "schema": SCHEMA if self.vehicle else 2 if second else 1,
-            "soil": {name: self.soil[name].to_json() for name in PARAMETERS},
+            "soil": {name: _packed(self.soil[name]) for name in PARAMETERS},
             "effects": [
                 {
                     "slug": effect.slug,
                     "form": effect.form,
-                    "parameters": {name: entry.to_json() for name, entry in effect.parameters.items()},
+                    "parameters": {name: _packed(entry) for name, entry in effect.parameters.items()},
                     "constants": {name: float(value) for name, value in effect.constants.items()},
                     **({"probability": finite_or_none(effect.probability)} if second else {}),
                 }
@@ -309,6 +309,11 @@ def _constants(document: Any, effect: Effect, source: str, place: str) -> dict[s
     return {
         name: _finite(page[name], (lowest[name], math.inf), source, f"{place}, constants, {name}") for name in page
     }  # fmt: skip
+
+
+def _packed(entry: Estimate) -> dict[str, float | None]:
+    """Give a number and its deviation without the unit, which the document's names state."""
+    return {"value": float(entry.value), "sd": finite_or_none(entry.sd)}
 
 
 def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, Any]:

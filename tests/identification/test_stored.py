@@ -58,6 +58,11 @@ def test_every_form_survives_json(effect):
     assert again.soil["k_m"].sd == pytest.approx(0.012 * 0.01)  # of ln k, taken back to k
 
 
+def test_units_of_an_explanation_s_soil_are_not_written():
+    soil = {name: Estimate(getattr(SOIL, name), 0.01, "SI") for name in PARAMETERS}
+    assert AugmentedSimulator.from_json(AugmentedSimulator(soil).to_json()).soil["c_Pa"] == Estimate(500.0, 0.01)
+
+
 def test_what_was_stored_simulates_as_what_was_fitted():
     (sinkage, *_), (rate, *_) = (forms_by_name(slug, SITUATION) for slug in ("slip_sinkage", "rate_dependence"))
     simulator = AugmentedSimulator.from_json(fitted(sinkage, rate).to_json())
