@@ -19,19 +19,10 @@ from ..framework.core.errors import InputError
 from .observations import Drive
 from .physics import check_likely, identity_of, physics_of
 from .rows import TERRAIN_COLUMNS, drive_of, soil_observation, terrain_observations
-from .schema import (
-    REVISIONS,
-    VERSION_TABLE,
-    DamagedFile,
-    check_known,
-    opened_as_it_is,
-    parse_url,
-    revision_of,
-    shown,
-    tables_of,
-)
+from .schema import REVISIONS, VERSION_TABLE, DamagedFile, check_known, opened_as_it_is, revision_of, tables_of
 from .stored_rows import UNREADABLE, StoredRow, check_identity, check_text, keep_damaged_text, stored_rows, text_of
 from .tables import Base, DriveRow, ImportRow, PhysicsRow, SoilRow, TerrainRow, table_of
+from .urls import parse_url, shown
 
 _FURTHER = 1000
 """So many more identities than rows are tried where rows are lost [-]."""

@@ -16,11 +16,12 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import chi2, qmc
 
+from ..framework.core.explanation import Estimate
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity
 from ..framework.core.vehicle import Vehicle, Wheel
 from ..identification.effects.effect import PULL, SINKAGE
 from ..identification.effects.ensemble import channels, error_count, errors_of_fit, soils_off
-from ..identification.effects.stored import AugmentedSimulator, Estimated
+from ..identification.effects.stored import AugmentedSimulator
 from .posterior import LEAST_SCATTER, PRIOR_VARIATION, ClassSoil, RandomEffects, other_parameters
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ def _errors_of(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
         **{name: PRIOR_VARIATION[name] * getattr(values, name) for name in ("k_m", "stiffness_Pa", "n")},
     }
     soil = {
-        name: entry if math.isfinite(entry.sd) else Estimated(entry.value, usual[name])
+        name: entry if math.isfinite(entry.sd) else Estimate(entry.value, usual[name])
         for name, entry in physics.soil.items()
     }
     return errors_of_fit(replace(physics, soil=soil), normal)

@@ -22,10 +22,11 @@ from .frames import origin_of
 from .observations import SENSES
 from .posterior import measured_class
 from .rows import soil_observation
-from .schema import REVISIONS, check_known, opened_as_it_is, parse_url, revision_of, shown, tables_of
+from .schema import REVISIONS, check_known, opened_as_it_is, revision_of, tables_of
 from .spatial import has_spatial_index
 from .stored_rows import UNREADABLE
 from .tables import DriveRow, PhysicsRow, SoilRow, TerrainRow, table_of
+from .urls import parse_url, shown
 
 
 @dataclass(frozen=True)

@@ -24,13 +24,12 @@ from .schema import (
     index_places,
     open_engine,
     opened_as_it_is,
-    parse_url,
     revision_of,
-    shown,
 )
 from .spatial import has_spatial_index
 from .store import TerrainDatabase
 from .tables import DriveRow, ImportRow, PhysicsRow, table_of
+from .urls import parse_url, shown
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from ..framework.core.errors import InputError
 from .drive_rows import OBSERVATIONS, insert_columns, insert_drive, insert_rows
 from .fingerprints import NONE, Fingerprint, in_portions, of_drives, of_parts, part_of
 from .physics import add_rows, checked_rows, driven_classes, lacking_physics, physics_classes, read_physics
-from .schema import Unreachable
 from .tables import Base, DriveRow, ImportRow, table_of
+from .urls import Unreachable
 
 if TYPE_CHECKING:
     from .store import TerrainDatabase

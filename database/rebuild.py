@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sqlite3
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -30,22 +29,15 @@ from sqlalchemy.types import NullType
 from ..framework.core.arguments import path_of
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
-from .check import Fault, check
+from .check import CheckReport, Fault, check
 from .connections import uri_for_reading
 from .drive_rows import CHUNK, OBSERVATIONS, imported, insert_rows
 from .rows import drive_of
-from .schema import (
-    BUSY_TIMEOUT_S,
-    READ_IF_CUT_OFF,
-    check_known,
-    opened_as_it_is,
-    parse_url,
-    revision_of,
-    shown,
-)
+from .schema import BUSY_TIMEOUT_S, READ_IF_CUT_OFF, check_known, opened_as_it_is, revision_of
 from .store import TerrainDatabase
 from .stored_rows import keep_damaged_text, text_of
 from .tables import Base, DriveRow, ImportRow, PhysicsRow, table_of
+from .urls import parse_url, shown
 
 _TABLES = (DriveRow, ImportRow, *OBSERVATIONS, PhysicsRow)
 
@@ -67,17 +59,9 @@ _LONG_AGO = datetime(1970, 1, 1, tzinfo=UTC)
 """Time of import of a drive whose imports are lost: a processing whose time is known counts as newer."""
 
 
-@dataclass(frozen=True)
-class Rebuilt:
-    """How many rows of each table are in the new file, and what is not."""
-
-    rows: Mapping[str, int]
-    faults: tuple[Fault, ...]
-
-
 def rebuild(
     url_or_path: str | Path, new: str | Path, *, progress: Callable[[str, float], None] | None = None
-) -> Rebuilt:
+) -> CheckReport:
     """Write every sound row of a damaged SQLite database into a new file; the damaged one is not changed.
 
     Rows are looked for in the tables' own pages, past the indices, in ranges of row numbers that are halved where a
@@ -93,6 +77,11 @@ def rebuild(
         The file to write; it is there once it is whole.
     progress
         Called with the name of each stage and the share of it that is done.
+
+    Returns
+    -------
+    CheckReport
+        How many rows of each table are in the new file, and what is not.
 
     Raises
     ------
@@ -114,7 +103,7 @@ def rebuild(
             faults += _leave_out(database, report)
             faults += _give_imports(database)
         last = check(part)
-    return Rebuilt(last.rows, (*faults, *last.faults))
+    return CheckReport((*faults, *last.faults), last.rows)
 
 
 @contextmanager

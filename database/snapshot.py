@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import copyreg
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from types import MappingProxyType
@@ -23,6 +22,7 @@ from .answer import GroundAnswer
 from .belief import Cells, classes_of, combine, grid_size, keys_of, put_in
 from .bounds import Corners
 from .cell_index import CellIndex
+from .freezing import freeze
 from .grid import LAYERS, Grid, rasterise
 from .ground_table import GroundTable
 from .observations import Drive
@@ -108,8 +108,8 @@ class Snapshot:
         bounds: Corners | None = None,
     ) -> Snapshot:
         """Freeze what was derived."""
-        _freeze(cells)
-        _freeze(soils)
+        freeze(cells)
+        freeze(soils)
         own = MappingProxyType(dict(soils)), len(drives), MappingProxyType(dict(physics))
         origin = next((drive.origin for drive in drives if drive.origin is not None), None)
         return Snapshot(site, cell_size_m, class_names, cells, *own, bounds, origin)
@@ -138,7 +138,7 @@ class Snapshot:
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         self.__dict__.update(state, _tables={}, _memory={})
-        _freeze(self)  # arrays arrive writable
+        freeze(self)  # arrays arrive writable
 
     @property
     def typical_load_N(self) -> float:
@@ -387,23 +387,3 @@ def _posix(now: float | datetime) -> float:
     if not math.isfinite(moment):
         raise refused("now", now, "POSIX seconds, or a datetime")
     return moment
-
-
-def _frozen_mapping(content: dict) -> MappingProxyType:
-    return MappingProxyType(content)
-
-
-# Python does not pickle read-only mappings by itself. A snapshot is full of them, and planners hand it to workers.
-copyreg.pickle(MappingProxyType, lambda mapping: (_frozen_mapping, (dict(mapping),)))
-
-
-def _freeze(thing: object) -> None:
-    """Make every array of a dataclass read-only, through and through."""
-    if isinstance(thing, np.ndarray):
-        thing.setflags(write=False)
-    elif isinstance(thing, Mapping):
-        for value in thing.values():
-            _freeze(value)
-    elif is_dataclass(thing):
-        for entry in fields(thing):
-            _freeze(getattr(thing, entry.name))

@@ -45,10 +45,11 @@ from .physics import (
 )
 from .reader import SiteReader, rows_in_use
 from .rows import drive_row, soil_rows, terrain_columns
-from .schema import holds_database, open_engine, parse_url, shown, unreachable
+from .schema import holds_database, open_engine
 from .snapshot import Snapshot
 from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
+from .urls import parse_url, shown, unreachable
 
 if TYPE_CHECKING:
     from ..identification.effects.stored import AugmentedSimulator

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from ..database.frames import SiteFrame
 from ..database.physics import ClassPhysics
-from ..database.schema import parse_url, shown
 from ..database.store import TerrainDatabase
+from ..database.urls import parse_url, shown
 from .core.arguments import number, path_of, refused
 from .core.errors import InputError
 from .core.origin import Offset, Origin

@@ -301,7 +301,7 @@ def check_of_shipped(model: ShippedModel) -> Check:
 def _database(database: str | Path, progress: Callable[[str, float], None] | None) -> Check:
     from ..database.check import check
     from ..database.info import info
-    from ..database.schema import parse_url, shown
+    from ..database.urls import parse_url, shown
 
     name = shown(parse_url(database))
     report = check(database, progress=progress)

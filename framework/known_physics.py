@@ -13,9 +13,9 @@ from ..database.observations import SoilEffect
 from ..database.physics import ClassPhysics
 from ..identification.effects.stored import AugmentedSimulator
 from ..identification.later_drives import for_later_drives, without_effects
+from ..identification.mechanics.textbook import ANSWERS
 from ..identification.rows.on_track import with_places
 from ..identification.rows.weight import with_loads
-from ..identification.simulate import ANSWERS
 from .core.errors import InputError
 from .core.recording.types import Recording, WheelTable
 from .core.track.way import Track

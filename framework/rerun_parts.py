@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from io import BytesIO
 
 import cv2
 import numpy as np
@@ -13,6 +12,7 @@ from matplotlib.patches import Patch
 from ..identification.estimate.identifiability import is_search_limit
 from ..vision.project import camera_axes
 from .colours import UNKNOWN_COLOUR
+from .core.pictures import png_of
 from .core.soil import Quantity
 from .core.vehicle import Camera
 from .rerun_stream import Log
@@ -103,6 +103,4 @@ def write_legend(log: Log, colours: Mapping[str, str]) -> None:
     handles = [Patch(facecolor=colour, label=name) for name, colour in colours.items()]
     handles.append(Patch(facecolor=UNKNOWN_COLOUR, label="seen, not recognised"))
     figure.legend(handles=handles, loc="center", frameon=False, title="more opaque: surer", alignment="left")
-    file = BytesIO()
-    figure.savefig(file, format="png", metadata={"Software": None})
-    log.static("legend", log.rr.EncodedImage(contents=file.getvalue(), media_type="image/png"))
+    log.static("legend", log.rr.EncodedImage(contents=png_of(figure, _LEGEND_DPI), media_type="image/png"))

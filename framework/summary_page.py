@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
 
 from ..database.store import TerrainDatabase
 from .core.files import write_text
 from .core.html import bullets, figure, marked, page, table, unbroken
+from .core.pictures import png_of
 from .core.recording.types import Recording
 from .map import map_figure
 from .summary import TraverseSummary
@@ -89,10 +89,8 @@ def _map(summary: TraverseSummary, recording: Recording) -> str:
         if not len(database.snapshot(summary.site).cells.key):
             return "<h2>Map</h2><p>There is no map: no ground of the site was seen.</p>"
         drawn = map_figure(database, site=summary.site, tracks=[recording])
-    data = BytesIO()
-    drawn.savefig(data, format="png", dpi=110, metadata={"Software": None})
     text = "All that the database knows of the site, and this drive's way; in bold where soil was measured."
-    return f"<h2>Map</h2>{figure(data.getvalue(), text)}"
+    return f"<h2>Map</h2>{figure(png_of(drawn, 110), text)}"
 
 
 def _ground(summary: TraverseSummary) -> str:

@@ -10,7 +10,8 @@ from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Vehicle
 from .effects.catalogue import effect_class
 from .effects.stored import AugmentedSimulator
-from .simulate import ANSWERS, simulate
+from .mechanics.textbook import ANSWERS
+from .simulate import simulate
 
 
 def for_later_drives(physics: AugmentedSimulator, vehicle: str) -> AugmentedSimulator:
@@ -57,4 +58,4 @@ def without_effects(physics: AugmentedSimulator, vehicle: Vehicle, table: WheelT
         for name in ANSWERS
         if name in table and not np.array_equal(augmented[name], textbook[name], equal_nan=True)
     }
-    return replace(table, columns={**table.columns, **changed})
+    return table.adding(changed)

@@ -19,12 +19,9 @@ from .effects.effect import PULL, SINKAGE, TORQUE
 from .effects.parse import NamedEffect, build, parse_effect, situation_of
 from .mechanics.augmented import AugmentedWheel
 from .mechanics.soil import Soil, soil_vector
-from .mechanics.textbook import equilibrium
+from .mechanics.textbook import ANSWERS, equilibrium
 from .rows.signs import check_signs
 from .rows.weight import with_loads
-
-ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
-"""Channels that a simulation adds."""
 
 
 def simulate(
@@ -92,14 +89,14 @@ def simulate(
         check_signs(part, wheel)
         slips[rows] = part["slip"]
         parts.append((wheel, rows, part))
-    before = _slip_before(replace(table, columns={**table.columns, "slip": slips}), parts[0][0]) if named else None
+    before = _slip_before(table.adding({"slip": slips}), parts[0][0]) if named else None
     for wheel, rows, part in parts:
         channels = (
             _textbook(wheel, soil, part) if before is None else _augmented(wheel, soil, part, named, before[rows])
         )
         for column, values in zip(ANSWERS, channels, strict=True):
             answers[column][rows] = values
-    return table.with_columns({**table.columns, "slip": slips, **answers})
+    return table.adding({"slip": slips, **answers})
 
 
 def notes(vehicle: Vehicle, simulated: WheelTable, effects: Sequence[str | NamedEffect] = ()) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -49,6 +50,7 @@ _NOISE_DB = 10.0 / np.log(10.0) * np.pi / np.sqrt(6.0)
 """Standard deviation of 10 log10 of an exponential variable [dB]: the scatter of one block's spectrum."""
 _SCALE_ERROR = 0.003
 """Wheel speeds are seldom calibrated better than this [-]: an integer order may be off by as much."""
+_MOST_MULTIPLE = 40
 _PER_TURN = "turns^-1"
 _VARY_SPEED = "drive at varied speed, a factor of 1.3 or more: a fixed tone stays where it is, an order moves with it"
 _ANOTHER_SOURCE = "a tap on the vehicle at rest: the ring of the lugs' blows goes with them, that of the mount stays"
@@ -94,9 +96,8 @@ def comb_cause(comb: Comb, spectra: DriveSpectra, lug_count: int | None) -> Caus
         )
         for k in comb.teeth
     )  # fmt: skip
-    orders = tuple(k * comb.place for k in comb.teeth)
     nats = sum(gain.nats for gain in comb.gains)
-    found = _cause("lug_passing", 0.99 if known else 0.5, parameters, nats, orders=orders)
+    found = _cause("lug_passing", 0.99 if known else 0.5, parameters, nats)
     return Cause(found, places, comb.gains)
 
 
@@ -132,7 +133,7 @@ def resonance_cause(hump: ResonanceFinding, *, lugs: bool) -> Cause | None:
         "gain": Estimate(*hump.gain),
     }
     found = _cause(
-        "resonance", sure / (1 + len(rivals)), parameters, hump.nats, frequencies_Hz=(middle,),
+        "resonance", sure / (1 + len(rivals)), parameters, hump.nats,
         subtracted=not rivals and hump.closer, indistinguishable_from=rivals, would_tell="; ".join(checks),
     )  # fmt: skip
     low, high = middle - half, middle + half
@@ -159,17 +160,9 @@ def _place(line: Line) -> SoundRegion:
     return SoundRegion(variable, low, high, line.from_hz, line.to_hz, 0.0, line.p_value)
 
 
-@dataclass(frozen=True)
-class _Family:
-    """Lines of one origin, the fundamental first: orders (k,) in ascending multiples."""
-
-    fundamental: Line
-    members: tuple[Line, ...]
-
-    @property
-    def nats(self) -> float:
-        """Held-out gain of all members."""
-        return sum(line.gain.nats for line in self.members)
+def _nats(lines: Iterable[Line]) -> float:
+    """Held-out gain of lines together."""
+    return sum(line.gain.nats for line in lines)
 
 
 def _named_lines(lines: list[Line], lug_count: int | None) -> list[tuple[SoundCause, tuple[Line, ...]]]:
@@ -201,12 +194,12 @@ def _harmonic_groups(lines: list[Line]) -> list[list[Line]]:
     return groups
 
 
-def _is_multiple(line: Line, first: Line, most: int = 40) -> bool:
+def _is_multiple(line: Line, first: Line) -> bool:
     ratio = line.place / first.place
     k = max(round(ratio), 1)
     tolerance = 3.0 * (line.sd + k * first.sd) / first.place
     # A tolerance as wide as the gaps between multiples would let anything in.
-    return k <= most and abs(ratio - k) < min(tolerance + 1e-3, 0.12)
+    return k <= _MOST_MULTIPLE and abs(ratio - k) < min(tolerance + 1e-3, 0.12)
 
 
 def _steady(group: list[Line]) -> SoundCause:
@@ -214,7 +207,7 @@ def _steady(group: list[Line]) -> SoundCause:
     return _cause(
         "steady_tone", max(line.probability for line in group),
         {"frequency": Estimate(first.place, first.sd, "Hz"), "excess": _excess(first.gain.line)},
-        sum(line.gain.nats for line in group), frequencies_Hz=tuple(line.place for line in group),
+        _nats(group),
     )  # fmt: skip
 
 
@@ -238,7 +231,6 @@ def _undecided(line: Line) -> list[SoundCause]:
                 {"frequency" if fixed else "order": Estimate(place, sd, "Hz" if fixed else _PER_TURN)},
                 line.gain.nats if first else 0.0,
                 kind="instrument",  # one of two readings, and no sign of what the catalogue lacks
-                orders=(place,) if first and not fixed else (), frequencies_Hz=(place,) if first and fixed else (),
                 indistinguishable_from=("gear_mesh", "lug_passing") if fixed else ("steady_tone",),
                 would_tell=_VARY_SPEED, subtracted=first,
             )
@@ -257,11 +249,11 @@ def _order_causes(lines: list[Line], lug_count: int | None) -> list[tuple[SoundC
         # Lines at every lug multiple are the blows themselves; a few high ones among them may be a gear's.
         own = own if len(own) >= 2 else [line for line in own if line.place < 3.5 * lugs]
         members = tuple([rhythm, *(line for line in envelope if line is not rhythm), *own])
-        causes.append((_named(_Family(rhythm, members), lug_count, blows=True), members))
+        causes.append((_named(members, lug_count, blows=True), members))
         tonal = [line for line in tonal if line not in own]
     elif envelope:
         causes.append((_unknown_rhythm(envelope), tuple(envelope)))
-    causes += [(_named(family, lug_count, blows=False), family.members) for family in _order_families(tonal)]
+    causes += [(_named(family, lug_count, blows=False), family) for family in _order_families(tonal)]
     return causes
 
 
@@ -287,8 +279,8 @@ def _on_comb(line: Line, lugs: float) -> bool:
     return abs(line.place - k * lugs) < 3.0 * float(np.hypot(line.sd, _SCALE_ERROR * line.place * 0.3)) + 0.02
 
 
-def _order_families(lines: list[Line]) -> list[_Family]:
-    """Group orders: harmonics of the lowest strong one, and sidebands a few turns from them."""
+def _order_families(lines: list[Line]) -> list[tuple[Line, ...]]:
+    """Group orders: the lowest strong one, the fundamental, then its harmonics, and sidebands a few turns from them."""
     rest = sorted(lines, key=lambda line: line.place)
     families = []
     while rest:
@@ -297,7 +289,7 @@ def _order_families(lines: list[Line]) -> list[_Family]:
         first = next(line for line in rest if _is_multiple(strongest, line))
         own = [line for line in rest if _is_multiple(line, first) and line.place >= first.place]
         sides = [line for line in rest if line not in own and _is_sideband(line, own)]
-        families.append(_Family(first, (first, *(line for line in own + sides if line is not first))))
+        families.append((first, *(line for line in own + sides if line is not first)))
         rest = [line for line in rest if line not in own and line not in sides]
     return families
 
@@ -310,11 +302,11 @@ def _is_sideband(line: Line, carriers: list[Line]) -> bool:
     return False
 
 
-def _named(family: _Family, lug_count: int | None, *, blows: bool) -> SoundCause:
+def _named(family: tuple[Line, ...], lug_count: int | None, *, blows: bool) -> SoundCause:
     """Weigh lugs against gear mesh: whole number or not, blows in the envelope, how many harmonics, known count."""
-    first = family.fundamental
+    first = family[0]
     order, sd = first.place, float(np.hypot(first.sd, _SCALE_ERROR * first.place))
-    harmonics = sum(line.family == "order" for line in family.members)
+    harmonics = sum(line.family == "order" for line in family)
     odds = 0.0 if order <= MOST_LUGS else -6.0
     # Lugs are whole in number, a gear's order is anything: density of the distance against a uniform one.
     odds += float(np.clip(stats.norm.logpdf(order - round(order), 0.0, sd), -8.0, 3.0))
@@ -334,18 +326,16 @@ def _named(family: _Family, lug_count: int | None, *, blows: bool) -> SoundCause
         "harmonics": Estimate(float(harmonics), np.nan),
     }
     return _cause(
-        name, sure * first.probability, parameters, family.nats,
-        orders=tuple(line.place for line in family.members if line.family == "order"),
+        name, sure * first.probability, parameters, _nats(family),
         indistinguishable_from=(other,) if sure < 0.9 else (),
         would_tell="the number of lugs, or the drive run with the wheel off the ground" if sure < 0.9 else "",
     )  # fmt: skip
 
 
-def _once_a_turn(family: _Family) -> SoundCause:
-    first = family.fundamental
+def _once_a_turn(family: tuple[Line, ...]) -> SoundCause:
+    first = family[0]
     return _cause(
-        UNKNOWN, first.probability, {"order": Estimate(first.place, first.sd, _PER_TURN)}, family.nats,
-        orders=tuple(line.place for line in family.members if line.family == "order"),
+        UNKNOWN, first.probability, {"order": Estimate(first.place, first.sd, _PER_TURN)}, _nats(family),
         would_tell="a look at the wheel: something strikes or rubs once or a few times a turn",
     )  # fmt: skip
 
@@ -354,6 +344,6 @@ def _unknown_rhythm(envelope: list[Line]) -> SoundCause:
     first = max(envelope, key=lambda line: line.gain.nats)
     return _cause(
         UNKNOWN, first.probability, {"order": Estimate(first.place, first.sd, _PER_TURN)},
-        sum(line.gain.nats for line in envelope), subtracted=False,
+        _nats(envelope), subtracted=False,
         would_tell="a look at the wheel: the loudness swells that often a turn, which no number of lugs explains",
     )  # fmt: skip

@@ -45,6 +45,7 @@ _BAG_VERSION = 8
 
 
 _NOT_IN_A_URI = frozenset("#?%")
+_TOPIC = "/terrain"
 
 
 @register
@@ -60,8 +61,8 @@ class GridMap(Exporter):
         write_grid_map(request.grid(), out)
 
 
-def write_grid_map(grid: Grid, path: str | Path, *, topic: str = "/terrain", frame_id: str = "map") -> None:
-    """Write a raster as one grid_map_msgs/GridMap.
+def write_grid_map(grid: Grid, path: str | Path) -> None:
+    """Write a raster as one grid_map_msgs/GridMap on /terrain, in the frame map.
 
     What the message has no field for, such as the names of the classes, is JSON in the file's metadata under the name
     ``bevameter`` (of a ROS 2 bag, its custom data).
@@ -72,8 +73,6 @@ def write_grid_map(grid: Grid, path: str | Path, *, topic: str = "/terrain", fra
         The raster; layers become float32, unknown stays NaN.
     path
         An MCAP file where it ends in .mcap, else the folder of a ROS 2 bag (SQLite), which must not exist.
-    topic, frame_id
-        Of the message.
 
     Raises
     ------
@@ -82,13 +81,13 @@ def write_grid_map(grid: Grid, path: str | Path, *, topic: str = "/terrain", fra
     """
     path = path_of("path", path, "the path of a file or folder to write")
     store = _types()
-    message = _message(grid, store, frame_id)
+    message = _message(grid, store)
     data = bytes(store.serialize_cdr(message, GRID_MAP))
     about = json.dumps(describe(grid), ensure_ascii=False)
     if path.suffix.lower() == ".mcap":
-        _write_mcap(path, topic, store, data, _stamp(grid), about)
+        _write_mcap(path, store, data, _stamp(grid), about)
     else:
-        _write_bag(path, topic, store, data, _stamp(grid), about)
+        _write_bag(path, store, data, _stamp(grid), about)
 
 
 def describe(grid: Grid) -> dict[str, Any]:
@@ -116,7 +115,7 @@ def _stamp(grid: Grid) -> int:
     return round(grid.time_s * 1e9)
 
 
-def _message(grid: Grid, store: Typestore, frame_id: str) -> Any:
+def _message(grid: Grid, store: Typestore) -> Any:
     def make(kind: str, **values: Any) -> Any:
         return store.types[kind](**values)
 
@@ -143,7 +142,7 @@ def _message(grid: Grid, store: Typestore, frame_id: str) -> Any:
 
     return make(
         GRID_MAP,
-        header=make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id),
+        header=make("std_msgs/msg/Header", stamp=stamp, frame_id="map"),
         info=make(
             "grid_map_msgs/msg/GridMapInfo", resolution=grid.resolution, length_x=length_x, length_y=length_y, pose=pose
         ),
@@ -155,7 +154,7 @@ def _message(grid: Grid, store: Typestore, frame_id: str) -> Any:
     )
 
 
-def _write_mcap(path: Path, topic: str, store: Typestore, data: bytes, time_ns: int, about: str) -> None:
+def _write_mcap(path: Path, store: Typestore, data: bytes, time_ns: int, about: str) -> None:
     from mcap.writer import Writer
 
     definition = store.generate_msgdef(GRID_MAP, ros_version=2)[0].encode()
@@ -163,13 +162,13 @@ def _write_mcap(path: Path, topic: str, store: Typestore, data: bytes, time_ns: 
         writer = Writer(file)
         writer.start(profile="ros2", library="bevameter")
         schema = writer.register_schema(GRID_MAP, "ros2msg", definition)
-        channel = writer.register_channel(topic, "cdr", schema)
+        channel = writer.register_channel(_TOPIC, "cdr", schema)
         writer.add_message(channel, log_time=time_ns, data=data, publish_time=time_ns)
         writer.add_metadata("bevameter", {"json": about})
         writer.finish()
 
 
-def _write_bag(path: Path, topic: str, store: Typestore, data: bytes, time_ns: int, about: str) -> None:
+def _write_bag(path: Path, store: Typestore, data: bytes, time_ns: int, about: str) -> None:
     """Write the bag's folder beside its place, and move it there once it is whole."""
     from rosbags.rosbag2 import Writer
 
@@ -182,7 +181,7 @@ def _write_bag(path: Path, topic: str, store: Typestore, data: bytes, time_ns: i
     try:
         with Writer(part, version=_BAG_VERSION) as writer:
             writer.set_custom_data("bevameter", about)
-            connection = writer.add_connection(topic, GRID_MAP, typestore=store)
+            connection = writer.add_connection(_TOPIC, GRID_MAP, typestore=store)
             writer.write(connection, time_ns, data)
         os.replace(part, path)
     except OSError as error:

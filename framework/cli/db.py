@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -23,20 +24,27 @@ Db = Annotated[str, typer.Argument(metavar="DB", help="Path or SQLAlchemy URL of
 Format = Annotated[str, typer.Option("--format", help=" | ".join(_FORMATS))]
 
 
+def _print(
+    format: str, page: dict[str, Any], rows: tuple[Sequence[dict[str, Any]], Sequence[str]], table: Callable[[], None]
+) -> None:
+    """Print an answer as JSON, as CSV of rows and their columns, or as people read it."""
+    if format == "json":
+        print_json({"schema": 1, **page})
+    elif format == "csv":
+        print_csv(*rows)
+    else:
+        table()
+
+
 @app.command("info", help="What a database holds: sites, drives, classes.")
 def info(db: Db, format: Format = "table") -> None:
     """Print one row a site."""
     check_format(format, _FORMATS)
     from ...database.info import info as describe
-    from .results_database import print_info, print_sites_as_csv
+    from .results_database import print_info, sites_as_rows
 
     found = describe(db)
-    if format == "json":
-        print_json({"schema": 1, **found.as_dict()})
-    elif format == "csv":
-        print_sites_as_csv(found)
-    else:
-        print_info(found)
+    _print(format, found.as_dict(), sites_as_rows(found), lambda: print_info(found))
 
 
 @app.command("check", help="Whether every row is sound; exit status 1 if not.")
@@ -49,12 +57,8 @@ def check(db: Db, format: Format = "table") -> None:
     with progress_bars() as progress:
         report = find_faults(db, progress=progress)
     faults = [fault.as_dict() for fault in report.faults]
-    if format == "json":
-        print_json({"schema": 1, "sound": report.sound, "rows": dict(report.rows), "faults": faults})
-    elif format == "csv":
-        print_csv(faults, _FAULT_COLUMNS)
-    else:
-        print_check(faults, report.rows)
+    page = {"sound": report.sound, "rows": dict(report.rows), "faults": faults}
+    _print(format, page, (faults, _FAULT_COLUMNS), lambda: print_check(faults, report.rows))
     if not report.sound:
         raise typer.Exit(UNSOUND)
 
@@ -130,12 +134,8 @@ def prune(
 
     with TerrainDatabase(db, must_exist=True) as database:
         rows = (remove(database) if yes else superseded(database)).rows()
-    if format == "json":
-        print_json({"schema": 1, "removed": yes, "rows": rows})
-    elif format == "csv":
-        print_csv(rows, PRUNED_COLUMNS)
-    else:
-        print_pruned(rows, removed=yes)
+    page = {"removed": yes, "rows": rows}
+    _print(format, page, (rows, PRUNED_COLUMNS), lambda: print_pruned(rows, removed=yes))
 
 
 @app.command("rebuild", help="Write the sound rows of a damaged file into a new one.")
@@ -152,12 +152,8 @@ def rebuild(
     with progress_bars() as progress:
         rebuilt = write_sound_rows(db, new, progress=progress)
     faults = [fault.as_dict() for fault in rebuilt.faults]
-    if format == "json":
-        print_json({"schema": 1, "rows": dict(rebuilt.rows), "faults": faults})
-    elif format == "csv":
-        print_csv(faults, _FAULT_COLUMNS)
-    else:
-        print_rebuilt(faults, rebuilt.rows, new)
+    page = {"rows": dict(rebuilt.rows), "faults": faults}
+    _print(format, page, (faults, _FAULT_COLUMNS), lambda: print_rebuilt(faults, rebuilt.rows, new))
 
 
 @app.command("migrate", help="Bring the schema to the newest.")

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
+from .options import Database, Site
+
 
 def command(
     out: Annotated[Path, typer.Option("--out", help="The picture: .png, .svg or .pdf.")],
-    db: Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")] = (
-        "sqlite:///terrain.db"
-    ),
-    site: Annotated[str | None, typer.Option("--site", help="Which site, where the database holds several.")] = None,
+    db: Database = "sqlite:///terrain.db",
+    site: Site = None,
     track: Annotated[
         list[Path] | None, typer.Option("--track", help="A recording whose way is drawn on top; may be repeated.")
     ] = None,

@@ -7,17 +7,13 @@ from typing import Annotated
 
 import typer
 
-from .options import TOPICS, From, On, To, Wheels
+from .options import From, On, RecordingPath, To, Topics, VehicleFile, Wheels
 
 
 def command(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A recording (folder, bag, MCAP) or a wheel file.")
-    ],
-    vehicle: Annotated[
-        Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
-    ] = None,
-    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
+    recording: RecordingPath,
+    vehicle: VehicleFile = None,
+    topics: Topics = None,
     soil: Annotated[
         Path | None,
         typer.Option("--soil", help="TOML file of soil parameters known from elsewhere, with standard deviations."),

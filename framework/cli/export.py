@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .options import finite, open_snapshot, pascals, quantity, stated_origin
+from .options import STRESS, Confidence, Site, Stress, finite, open_snapshot, pascals, quantity, stated_origin
 
 
 def command(
@@ -36,13 +36,9 @@ def command(
     resolution: Annotated[
         str | None, typer.Option("--resolution", help="Edge of a cell [m]; that of the database where absent.")
     ] = None,
-    site: Annotated[str | None, typer.Option("--site", help="Which site, where the database holds several.")] = None,
-    normal_stress: Annotated[
-        str, typer.Option("--normal-stress", help='Where shear strength is wanted, such as "20 kPa".')
-    ] = "20 kPa",
-    confidence: Annotated[
-        float, typer.Option("--confidence", help="Of the lower bounds, at least 0.5, less than 1.")
-    ] = 0.95,
+    site: Site = None,
+    normal_stress: Stress = STRESS,
+    confidence: Confidence = 0.95,
     required_strength: Annotated[
         str | None, typer.Option("--required-strength", help='nav2: shear strength needed, such as "8 kPa".')
     ] = None,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from .options import TOPICS, From, On, To, Wheels
+from .options import From, On, RecordingPath, To, Topics, VehicleFile, Wheels
 
 PICTURES = (".png", ".svg", ".pdf")
 """Endings that ``--plot`` takes."""
@@ -23,13 +23,9 @@ class Method(StrEnum):
 
 
 def command(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A recording (folder, bag, MCAP) or a wheel file.")
-    ],
-    vehicle: Annotated[
-        Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
-    ] = None,
-    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
+    recording: RecordingPath,
+    vehicle: VehicleFile = None,
+    topics: Topics = None,
     soil: Annotated[Path | None, typer.Option("--soil", help="TOML of what is known of the soil already.")] = None,
     method: Annotated[
         Method, typer.Option("--method", help="ml: errors in all channels; linear: the paper's closed form.")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import TOPICS
+from .options import Topics, VehicleFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,10 +19,8 @@ def command(
     recording: Annotated[
         Path, typer.Argument(metavar="RECORDING", help="A folder, a wheel table, a ROS bag or an MCAP file.")
     ],
-    vehicle: Annotated[
-        Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
-    ] = None,
-    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
+    vehicle: VehicleFile = None,
+    topics: Topics = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the answer as JSON.")] = None,
     write: Annotated[
         bool,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import TOPICS, Heading, OffsetPlace, OriginPlace, stated_frame
+from .options import TOPICS, Database, Heading, OffsetPlace, OriginPlace, stated_frame
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -28,7 +28,7 @@ def command(
     mcap: Annotated[
         str, typer.Option("--mcap", metavar="FILE|-", help="MCAP file that is being written, or - for standard input.")
     ],
-    db: Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")],
+    db: Database,
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the one next to the file.")
     ] = None,

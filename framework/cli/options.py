@@ -1,9 +1,10 @@
-"""What commands on the terrain database share: numbers and quantities as people write them, and the snapshot."""
+"""What several commands share: their options, numbers and quantities as people write them, and the snapshot."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,6 +22,17 @@ TOPICS = (
     "them."
 )
 
+RecordingPath = Annotated[
+    Path, typer.Argument(metavar="RECORDING", help="A recording (folder, bag, MCAP) or a wheel file.")
+]
+VehicleFile = Annotated[Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")]
+Topics = Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)]
+Database = Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")]
+Site = Annotated[str | None, typer.Option("--site", help="Which site, where the database holds several.")]
+Confidence = Annotated[float, typer.Option("--confidence", help="Of the lower bounds, at least 0.5, less than 1.")]
+Stress = Annotated[str, typer.Option("--normal-stress", help='Where shear strength is wanted, such as "20 kPa".')]
+STRESS = "20 kPa"
+
 From = Annotated[float | None, typer.Option("--from", metavar="S", help="Use wheel rows from this time on [s].")]
 To = Annotated[float | None, typer.Option("--to", metavar="S", help="Use wheel rows up to this time [s].")]
 On = Annotated[
@@ -30,8 +42,6 @@ On = Annotated[
 Wheels = Annotated[
     list[str] | None, typer.Option("--wheel", metavar="NAME", help="Use rows of this wheel; may be repeated.")
 ]
-
-
 OriginPlace = Annotated[
     tuple[str, str] | None,
     typer.Option("--origin", metavar="LAT LON", help="Where on Earth x = y = 0 of the places lies, WGS 84 [deg]."),

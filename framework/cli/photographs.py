@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from .options import TOPICS
+from .options import TOPICS, VehicleFile
 
 
 def command(
@@ -18,9 +18,7 @@ def command(
     out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Labelled folder to add to; made if missing.")],
     from_s: Annotated[float | None, typer.Option("--from", metavar="S", help="From this time on [s].")] = None,
     to_s: Annotated[float | None, typer.Option("--to", metavar="S", help="Up to this time [s].")] = None,
-    vehicle: Annotated[
-        Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
-    ] = None,
+    vehicle: VehicleFile = None,
     topics: Annotated[Path | None, typer.Option("--topics", help=TOPICS)] = None,
 ) -> None:
     """Write photographs of ground whose class is known, one a metre of the way, for `bevameter train vision`."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
-from .options import finite, open_snapshot, pascals
+from .options import STRESS, Confidence, Site, Stress, finite, open_snapshot, pascals
 from .printing import FORMATS, check_format, print_csv, print_json
 
 if TYPE_CHECKING:
@@ -24,13 +24,9 @@ _NUMBERS = {"ignore_unknown_options": True}
 app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 Db = Annotated[str, typer.Option("--db", help="Path or SQLAlchemy URL of the terrain database.")]
-Site = Annotated[str | None, typer.Option("--site", help="Which site, where the database holds several.")]
-Confidence = Annotated[float, typer.Option("--confidence", help="Of the lower bounds, at least 0.5, less than 1.")]
-Stress = Annotated[str, typer.Option("--normal-stress", help='Where shear strength is wanted, such as "20 kPa".')]
 Format = Annotated[str, typer.Option("--format", help=" | ".join(FORMATS))]
 
 _DB = "sqlite:///terrain.db"
-STRESS = "20 kPa"
 
 
 @app.command("classes", help="What is known of every class.")

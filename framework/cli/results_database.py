@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .printing import counted, print_csv, print_table
+from .printing import counted, print_table
 
 if TYPE_CHECKING:
     from ...database.info import DatabaseInfo, SiteInfo
@@ -47,8 +47,8 @@ def print_info(found: DatabaseInfo) -> None:
     )
 
 
-def print_sites_as_csv(found: DatabaseInfo) -> None:
-    """Print the sites as CSV, one row each, with one column a sense and a bound; classes are divided by semicolons."""
+def sites_as_rows(found: DatabaseInfo) -> tuple[list[dict[str, Any]], list[str]]:
+    """Give a row for each site, and its columns, one a sense and a bound; classes are divided by semicolons."""
     from ...database.observations import SENSES
 
     looks = {sense: f"looks_{sense}" for sense in SENSES}
@@ -61,7 +61,7 @@ def print_sites_as_csv(found: DatabaseInfo) -> None:
         origin = row.pop("origin") or {}
         rows.append(row | counts | bounds | classes | origin)
     plain = ["site", "drives", "superseded", "stretches", "stretches_with_soil", "cells", "first", "last"]
-    print_csv(rows, [*plain, *looks.values(), *_BOUNDS, "classes", "classes_with_soil", *_ORIGIN])
+    return rows, [*plain, *looks.values(), *_BOUNDS, "classes", "classes_with_soil", *_ORIGIN]
 
 
 def print_check(faults: Sequence[Mapping[str, str]], rows: Mapping[str, int]) -> None:

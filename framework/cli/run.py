@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import BevameterError, InputError
-from .options import TOPICS, Heading, OffsetPlace, OriginPlace, stated_frame
+from .options import Database, Heading, OffsetPlace, OriginPlace, Topics, stated_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,11 +27,11 @@ def command(
             metavar="RECORDING...", help="Recordings: each a folder, a wheel file, a ROS bag or an MCAP file."
         ),
     ],
-    db: Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")],
+    db: Database,
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the recordings' own.")
     ] = None,
-    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
+    topics: Topics = None,
     models: Annotated[
         list[str] | None,
         typer.Option(

@@ -43,7 +43,7 @@ def check_class_names(names: Iterable[str], source: str | Path, place: str | Non
             )
 
 
-def check_spelling(name: str, known: Iterable[Collection[str]], source: str | Path, place: str | None = None) -> None:
+def check_spelling(name: str, known: Iterable[Collection[str]], source: str | Path) -> None:
     """Refuse a name as `check_class_name` does, and one that differs in case, spaces or the encoding of accents
     only from a class that is known: nothing would match it.
 
@@ -54,24 +54,24 @@ def check_spelling(name: str, known: Iterable[Collection[str]], source: str | Pa
     known
         Names that classes have already; of several collections the first that has a name like it counts. A name like
         none of them is one of a class that is still to come, and has no spaces at its ends.
-    source, place
+    source
         Where the name stands.
 
     Raises
     ------
     InputError
-        It names `source`, `place` and the spelling that is known.
+        It names `source` and the spelling that is known.
     """
-    check_class_name(name, source, place)
+    check_class_name(name, source)
     for names in known:
         alike = sorted(each for each in names if _key(each) == _key(name))
         if name in alike:
             return
         if alike:
             spelt = " or ".join(map(repr, alike))
-            raise InputError(source, f"a class named {name!r}", expected=f"{spelt}, as it is spelt here", place=place)
+            raise InputError(source, f"a class named {name!r}", expected=f"{spelt}, as it is spelt here")
     if name != name.strip():
-        raise InputError(source, f"a class named {name!r}", expected="no spaces at its ends", place=place)
+        raise InputError(source, f"a class named {name!r}", expected="no spaces at its ends")
 
 
 def spelt_alike(names: Iterable[str]) -> list[list[str]]:

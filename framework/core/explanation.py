@@ -14,8 +14,6 @@ from .quantities import finite_or_none
 Verdict = Literal["none", "physics", "instrument", "unknown", "cannot_tell"]
 """``"none"``: nothing beyond noise. ``"cannot_tell"``: something, whose possible causes the data do not separate."""
 
-Kind = Literal["physics", "instrument", "unknown"]
-
 UNKNOWN = "unknown"
 """Slug and kind of what the catalogue lacks."""
 
@@ -30,7 +28,7 @@ class Estimate:
     """A value, its standard deviation and their unit; NaN where a number is not known."""
 
     value: float
-    sd: float
+    sd: float = math.nan
     unit: str = ""
 
     def to_json(self) -> dict[str, Any]:

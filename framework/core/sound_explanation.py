@@ -57,15 +57,11 @@ class SoundCause(Missing):
     ----------
     nats
         Held-out log-likelihood gained over contact sound without it.
-    orders, frequencies_Hz
-        Its lines: multiples of the wheel's turns [-], or fixed [Hz].
     subtracted
         Whether it is taken away from the sound: only where that brings held-out spectra closer to contact sound.
     """
 
     nats: float = 0.0
-    orders: tuple[float, ...] = ()
-    frequencies_Hz: tuple[float, ...] = ()
     subtracted: bool = True
 
     def to_json(self) -> dict[str, Any]:

@@ -303,7 +303,7 @@ class LiveDrive:
         taken = Taken(own.camera.count, own.sound.duration_s, own.sound.rate or 1)
         return replace(
             self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=pose, vibration=vibration,
-            camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
+            camera=taken if taken.images else None, sound=taken if taken.duration_s else None,
             problems=(*self._recording.problems, *problems, *self._of_samples()),
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...database.schema import parse_url
+from ...database.urls import parse_url
 from ..core.errors import InputError
 from .log import Part
 

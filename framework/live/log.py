@@ -73,7 +73,7 @@ def vibration_of_imu(
     rows = list(zip(time_ns.tolist(), *channels, strict=True))
     shifted = wheel
     if wheel is not None:
-        shifted = wheel.with_columns({**wheel.columns, "time_s": wheel["time_s"] - origin_s})
+        shifted = wheel.adding({"time_s": wheel["time_s"] - origin_s})
     run, problems = vibration_of(rows, 0, shifted, VibrationTopic(topic=IMU), SOURCE)
     return (None if run is None else replace(run, time_s=run.time_s + origin_s)), problems
 
@@ -119,26 +119,12 @@ class Taken:
     """Images and sound that were taken during a drive and are not kept: how many, how long, at which rate."""
 
     images: int
-    sound_s: float
-    sound_rate: int
+    duration_s: float
+    sample_rate: int
+    start_s: float = 0.0
 
     def __len__(self) -> int:
         return self.images
-
-    @property
-    def sample_rate(self) -> int:
-        """Samples a second [Hz]."""
-        return self.sound_rate
-
-    @property
-    def start_s(self) -> float:
-        """Time of the first sample [s]."""
-        return 0.0
-
-    @property
-    def duration_s(self) -> float:
-        """Length of the sound [s]."""
-        return self.sound_s
 
     def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
         """Yield nothing: they were looked at when they came."""

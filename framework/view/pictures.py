@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -16,20 +15,10 @@ from matplotlib.patches import Patch
 from ...database.observations import Drive, SoilObservation
 from ...database.posterior import ClassSoil, measured_class
 from ..colours import UNKNOWN_COLOUR, class_colours
+from ..core.pictures import STYLE, png_of
 from .cell import region_of
 from .raster import HATCH_COLOUR
 
-_STYLE: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 10.0,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "hatch.color": HATCH_COLOUR,
-}
 _DPI = 120
 _INK = "#222222"
 _BINS = 200
@@ -38,12 +27,10 @@ _BINS = 200
 @contextmanager
 def _drawn(width: float, height: float, into: list[bytes]) -> Iterator[Figure]:
     """Give a figure [inch] to draw on, and add it as PNG to a list."""
-    with rc_context(_STYLE):
+    with rc_context({**STYLE, "hatch.color": HATCH_COLOUR}):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
-        file = BytesIO()
-        figure.savefig(file, format="png", dpi=_DPI)
-        into.append(file.getvalue())
+        into.append(png_of(figure, _DPI))
 
 
 def tightening(

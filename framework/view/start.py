@@ -7,8 +7,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from ...database.schema import REVISIONS, opened_as_it_is, parse_url, revision_of, shown
+from ...database.schema import REVISIONS, opened_as_it_is, revision_of
 from ...database.store import TerrainDatabase
+from ...database.urls import parse_url, shown
 from ..core.errors import InputError
 from ..core.vehicle import Vehicle, load_vehicle
 from ..core.vehicle_templates import vehicle_templates

@@ -12,7 +12,7 @@ from scipy.stats import median_abs_deviation
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.track.passes import side_by_side, slip_before
 from ...framework.core.track.place import axis_of, place_of
-from ...framework.core.track.positions import continuous, set_down
+from ...framework.core.track.positions import continuous, runs_of, set_down
 from ...framework.core.vehicle import Wheel
 from .effect import COVARIATES, Drive
 
@@ -108,7 +108,7 @@ def _carried(number: np.ndarray, label: np.ndarray) -> np.ndarray:
     """
     order = np.argsort(label, kind="stable")
     answer = number.copy()
-    for rows in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+    for rows in (order[run] for run in runs_of(label[order])):
         stated = np.flatnonzero(np.isfinite(number[rows]))
         if len(stated):
             last = np.clip(np.searchsorted(stated, np.arange(len(rows)), side="right") - 1, 0, None)

@@ -18,7 +18,8 @@ import numpy as np
 
 from ...framework.core.arguments import shown
 from ...framework.core.errors import InputError
-from ...framework.core.explanation import UNKNOWN
+from ...framework.core.explanation import UNKNOWN, Estimate
+from ...framework.core.quantities import finite_or_none
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
 from ...framework.core.vehicle import Vehicle
@@ -58,14 +59,6 @@ _FORMER = {
 
 
 @dataclass(frozen=True)
-class Estimated:
-    """A number and its standard deviation, NaN where unknown."""
-
-    value: float
-    sd: float = math.nan
-
-
-@dataclass(frozen=True)
 class StoredEffect:
     """A fitted effect: slug, form, parameters and constants of the formula by name [SI].
 
@@ -74,7 +67,7 @@ class StoredEffect:
 
     slug: str
     form: str
-    parameters: Mapping[str, Estimated]
+    parameters: Mapping[str, Estimate]
     constants: Mapping[str, float] = field(default_factory=dict)
     probability: float = math.nan
 
@@ -101,7 +94,7 @@ class AugmentedSimulator:
         Name of the vehicle that drove; empty if unknown.
     """
 
-    soil: Mapping[str, Estimated]
+    soil: Mapping[str, Estimate]
     effects: tuple[StoredEffect, ...] = ()
     correlation: tuple[tuple[float, ...], ...] = ()
     vehicle: str = ""
@@ -147,14 +140,14 @@ class AugmentedSimulator:
             PARAMETERS, vector[:SOIL_COUNT].tolist(), deviation[:SOIL_COUNT].tolist(), strict=True
         ):
             value = from_internal(name, inside)
-            soil[name] = Estimated(value, sd * slope_of_internal(name, value))
+            soil[name] = Estimate(value, sd * slope_of_internal(name, value))
         effects = []
         for effect, where in model.slices():
             if effect.by_run:
                 continue
             effect_class(effect.slug)
             numbers = zip(effect.parameters, vector[where].tolist(), deviation[where].tolist(), strict=True)
-            parameters = {parameter.name: Estimated(value, sd) for parameter, value, sd in numbers}
+            parameters = {parameter.name: Estimate(value, sd) for parameter, value, sd in numbers}
             probability = probabilities.get(effect.slug, math.nan)
             effects.append(StoredEffect(effect.slug, effect.form, parameters, dict(effect.constants), probability))
         kept = None if covariance is None else covariance[np.ix_(stored, stored)]
@@ -187,7 +180,7 @@ class AugmentedSimulator:
                     "form": effect.form,
                     "parameters": {name: _packed(entry) for name, entry in effect.parameters.items()},
                     "constants": {name: float(value) for name, value in effect.constants.items()},
-                    **({"probability": _known(effect.probability)} if second else {}),
+                    **({"probability": finite_or_none(effect.probability)} if second else {}),
                 }
                 for effect in self.effects
             ],
@@ -318,12 +311,9 @@ def _constants(document: Any, effect: Effect, source: str, place: str) -> dict[s
     }  # fmt: skip
 
 
-def _packed(entry: Estimated) -> dict[str, float | None]:
-    return {"value": float(entry.value), "sd": _known(entry.sd)}
-
-
-def _known(number: float) -> float | None:
-    return float(number) if math.isfinite(number) else None
+def _packed(entry: Estimate) -> dict[str, float | None]:
+    """Give a number and its deviation without the unit, which the document's names state."""
+    return {"value": float(entry.value), "sd": finite_or_none(entry.sd)}
 
 
 def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, Any]:
@@ -336,11 +326,11 @@ def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, 
     return document
 
 
-def _estimated(document: Any, bounds: tuple[float, float], source: str, place: str) -> Estimated:
+def _estimated(document: Any, bounds: tuple[float, float], source: str, place: str) -> Estimate:
     page = _table(document, {"value", "sd"}, source, place)
     value = _finite(page["value"], bounds, source, place)
     sd = math.nan if page["sd"] is None else _finite(page["sd"], (0.0, math.inf), source, f"{place}, sd")
-    return Estimated(value, sd)
+    return Estimate(value, sd)
 
 
 def _finite(number: Any, bounds: tuple[float, float], source: str, place: str) -> float:

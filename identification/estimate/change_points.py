@@ -8,14 +8,12 @@ M. Knott, Biometrics 30 (1974)).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import median_filter
 
 from ...framework.core.soil import WRONG_FORM, SoilKnowledge
 from ...framework.core.vehicle import Wheel
-from ..rows.gate import Limits
+from ..rows.gate import LIMITS
 from .autocorrelation import are_correlated, correlation_time
 from .estimate import solve
 from .noise_likelihood import with_autocorrelated_noise
@@ -23,9 +21,11 @@ from .solution import ANSWERS, Measured, Solution
 
 
 def split_soils(
-    measured: Measured, wheel: Wheel, known: SoilKnowledge, whole: Solution, limits: Limits
+    measured: Measured, wheel: Wheel, known: SoilKnowledge, whole: Solution, offset: int = 0
 ) -> list[tuple[slice, Solution]]:
     """Cut samples in order of time into stretches of one soil each, with the fit of each.
+
+    No stretch is shorter than what the gate uses.
 
     Parameters
     ----------
@@ -37,48 +37,38 @@ def split_soils(
         What is known of the soil; taken to hold on all of them.
     whole
         Their fit as one soil.
-    limits
-        No stretch is shorter than what the gate uses.
+    offset
+        Number of the first of these samples among all.
     """
-    return _split(measured, wheel, known, limits, 0, whole)
-
-
-def _split(
-    measured: Measured, wheel: Wheel, known: SoilKnowledge, limits: Limits, offset: int, whole: Solution
-) -> list[tuple[slice, Solution]]:
     count, whole = len(measured.channels), with_autocorrelated_noise(measured, whole, wheel, known)
     undivided = [(slice(offset, offset + count), whole)]
-    allowed = _long_enough(measured.order, limits)
+    allowed = _long_enough(measured.order)
     if whole.misfit <= WRONG_FORM or not allowed.any():
         return undivided
     at = _largest_step(whole.fit.residuals[:, ANSWERS], allowed)
-    parts = [_part(measured, slice(0, at)), _part(measured, slice(at, count))]
+    parts = [measured.select(slice(0, at)), measured.select(slice(at, count))]
     fits = [solve(part, wheel, known) for part in parts]
     gain = sum(each.fit.log_likelihood for each in fits) - whole.fit.log_likelihood
-    if gain / _repeated(fits, _window(measured.order, limits)) <= 0.5 * len(whole.fit.information) * np.log(count):
+    if gain / _repeated(fits, _window(measured.order)) <= 0.5 * len(whole.fit.information) * np.log(count):
         return undivided
     first, second = (
-        _split(part, wheel, known, limits, start, each)
+        split_soils(part, wheel, known, each, start)
         for part, start, each in zip(parts, (offset, offset + at), fits, strict=True)
     )
     return first + second
 
 
-def _part(measured: Measured, rows: slice) -> Measured:
-    return replace(measured, channels=measured.channels[rows], order=measured.order[rows])
-
-
-def _long_enough(order: np.ndarray, limits: Limits) -> np.ndarray:
+def _long_enough(order: np.ndarray) -> np.ndarray:
     """(n - 1,) True for borders before rows 1, 2 ... that leave enough rows, and time [s], on either side."""
     before = np.arange(1, len(order))
     rows = np.minimum(before, len(order) - before)
     time_s = np.minimum(order[1:] - order[0], order[-1] - order[1:])
-    return (rows >= limits.least_rows) & (time_s >= limits.least_s)
+    return (rows >= LIMITS.least_rows) & (time_s >= LIMITS.least_s)
 
 
-def _window(order: np.ndarray, limits: Limits) -> int:
+def _window(order: np.ndarray) -> int:
     """Rows of the shortest stretch."""
-    return max(limits.least_rows, int(len(order) * limits.least_s / (order[-1] - order[0])))
+    return max(LIMITS.least_rows, int(len(order) * LIMITS.least_s / (order[-1] - order[0])))
 
 
 def _repeated(fits: list[Solution], window: int) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...framework.core.soil import PARAMETERS
 from ..mechanics.flexible import FlexibleWheel
 from ..mechanics.textbook import CHANNELS, Prediction, TextbookWheel
 
@@ -72,11 +73,6 @@ class ComputedChannels:
     mean_load_N: float
     towed: tuple[float, float] = (0.0, 0.0)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the soil's parameters."""
-        return self.model.names
-
     def freed(self, load_N: float) -> ComputedChannels:
         """Return the same with the freedoms of the form."""
         return replace(self, model=FlexibleWheel(self.model.wheel, load_N))
@@ -86,7 +82,7 @@ class ComputedChannels:
 
         The load without its error is the wheel's: so what is measured of the one says nothing of the other's error.
         """
-        soil = len(self.names)
+        soil = len(PARAMETERS)
         own, (share, constant, by_load, by_slip, resistance) = (
             np.delete(vector, range(soil, soil + NUISANCES)),
             vector[soil : soil + NUISANCES],

@@ -19,7 +19,7 @@ from ...framework.core.errors import InputError
 from ...framework.core.findings import Finding, warning
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimate, SoilKnowledge
 from ...framework.core.vehicle import Wheel
-from ..mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
+from ..mechanics.soil import Soil, from_internal, slope_of_internal, soil_vector, to_internal
 from ..mechanics.stresses import rim_forces
 from ..mechanics.textbook import CHANNELS, TextbookWheel, contact_array, entry_angle
 from . import form_error
@@ -67,20 +67,19 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, notes: tuple[
 
     The `notes` of what was done with the samples before come after the findings of the fit.
     """
-    model = TextbookWheel(wheel)
     covariance, bounded = solution.covariance(), physical(solution)
     findings: tuple[Finding, ...] = ()
     other = None
     if form_error.rejected(solution, WRONG_FORM):
         freed = physical(_freed(solution, kept, wheel))
-        other = parameter_intervals(freed, freed.covariance(), model)
+        other = parameter_intervals(freed, freed.covariance())
         findings = (_wrong_form(solution, freed),)
     elif solution.misfit > WRONG_FORM:
         findings = (warning("ground_variation", misfit=solution.misfit),)
-    intervals = parameter_intervals(bounded, covariance, model, other)
+    intervals = parameter_intervals(bounded, covariance, other)
     # The textbook's values stand, for they predict best with the textbook; the intervals hold both readings.
     intervals = intervals if other is None else hull(bounded, intervals, other)
-    strength = strengths(bounded, covariance, intervals, model)
+    strength = strengths(bounded, covariance, intervals, wheel)
     covariance = consistent(covariance, bounded, intervals)
     determined = separable(intervals.quantities, strength, solution.free, solution.misfit)
     seen = np.asarray(np.isfinite(kept.channels).any(axis=0))
@@ -133,8 +132,8 @@ def usable(measured: Measured) -> Measured:
             f"{int(rows.sum())} rows with slip, load or sinkage, and a third channel",
             expected=f"at least {LEAST_ROWS}",
         )
-    order = np.argsort(measured.order[rows], kind="stable")
-    return replace(measured, channels=measured.channels[rows][order], order=measured.order[rows][order])
+    kept = measured.select(rows)
+    return kept.select(np.argsort(kept.order, kind="stable"))
 
 
 def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:
@@ -280,7 +279,7 @@ def _start(
         share = float(np.nanmedian(load / np.where(carried > 0.0, carried, np.nan)))
         low, high = PLAUSIBLE["stiffness_Pa"]
         values["stiffness_Pa"] = float(np.clip(1e5 * share, low, high)) if share > 0.0 else 1e5
-    return TextbookWheel(wheel).to_vector(values), theta_1
+    return soil_vector(values), theta_1
 
 
 def _correlations(covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:

@@ -8,15 +8,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
+from ...framework.core.vehicle import Wheel
+from ..mechanics.soil import from_internal
 from ..mechanics.stresses import FINE
-from ..mechanics.textbook import PEAK_SHARE, TextbookWheel
+from ..mechanics.textbook import PEAK_SHARE
 from .intervals import Intervals
 from .solution import Solution
 
 SHARE_OF_STRENGTH = 0.25
 """Cohesion or friction is separable if its half interval is below this share of the shear strength [-]."""
 
-_TWO_SIDED = 1.96
+TWO_SIDED = 1.96
+"""Standard deviations in half of a 95 % interval of a normal distribution [-]."""
 
 GROSSLY_WRONG = 3.0
 """Misfit beyond which nothing counts as determined: what is left out of the model weighs more than the noise [-]."""
@@ -37,7 +40,7 @@ FACTOR = 2.0
 
 
 def strengths(
-    solution: Solution, covariance: np.ndarray, intervals: Intervals, model: TextbookWheel
+    solution: Solution, covariance: np.ndarray, intervals: Intervals, wheel: Wheel
 ) -> tuple[ShearStrength, ...]:
     """Shear strength, Eq. 1, at the 10th, 50th and 90th percentile of the mean normal stress under the rim.
 
@@ -46,9 +49,9 @@ def strengths(
     stays tight, because only their sum enters.
     """
     vector = solution.fit.vector
-    values = model.from_vector(vector[: len(model.names)])
+    values = {name: from_internal(name, value) for name, value in zip(PARAMETERS, vector.tolist(), strict=False)}
     answer = []
-    for stress in np.percentile(mean_stress(solution.fit.theta_1, values, model), [10.0, 50.0, 90.0]):
+    for stress in np.percentile(mean_stress(solution.fit.theta_1, values, wheel), [10.0, 50.0, 90.0]):
         gradient = np.array([1.0, stress])
         value = float(gradient @ vector[:2])
         along = next((index for index in (0, 1) if index in intervals.ends), None)
@@ -65,12 +68,28 @@ def strengths(
     return tuple(answer)
 
 
-def mean_stress(theta_1: np.ndarray, values: dict[str, float], model: TextbookWheel) -> np.ndarray:
+def wald_strengths(
+    stresses_Pa: np.ndarray, mean: np.ndarray, covariance: np.ndarray, quantile: float
+) -> tuple[ShearStrength, ...]:
+    """Shear strength, Eq. 1, at normal stresses [Pa], with intervals of so many standard deviations.
+
+    `mean` (2,) and `covariance` (2, 2) are those of c [Pa] and tan phi.
+    """
+    answer = []
+    for stress in stresses_Pa.tolist():
+        gradient = np.array([1.0, stress])
+        value = float(gradient @ mean)
+        half = quantile * math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
+        answer.append(ShearStrength(stress, value, max(value - half, 0.0), value + half))
+    return tuple(answer)
+
+
+def mean_stress(theta_1: np.ndarray, values: dict[str, float], wheel: Wheel) -> np.ndarray:
     """Normal stress [Pa] averaged over the contact, (n,): both zones of Eq. 8-9 have the same average."""
     nodes, weights = FINE
     ahead = theta_1[:, None] * (1.0 - (1.0 - PEAK_SHARE) * nodes)
     depth = np.maximum(np.cos(ahead) - np.cos(theta_1)[:, None], 0.0)
-    aspect = model.wheel.radius_m / model.wheel.width_m
+    aspect = wheel.radius_m / wheel.width_m
     return values["stiffness_Pa"] * ((aspect * depth) ** values["n"] @ weights)
 
 
@@ -108,10 +127,10 @@ def separable(
         elif _spans_soils(name, quantity):
             answer[name] = False
         elif name == "c_Pa":
-            answer[name] = _TWO_SIDED * quantity.sd <= most
+            answer[name] = TWO_SIDED * quantity.sd <= most
         elif name == "phi_rad":
             slope = 1.0 / math.cos(quantity.value) ** 2
-            answer[name] = _TWO_SIDED * quantity.sd * slope * middle.normal_stress_Pa <= most
+            answer[name] = TWO_SIDED * quantity.sd * slope * middle.normal_stress_Pa <= most
         else:
             answer[name] = quantity.high <= FACTOR * quantity.value and quantity.low >= quantity.value / FACTOR
     return answer

@@ -19,17 +19,18 @@ from ...framework.core.errors import InputError
 from ...framework.core.findings import Finding, codes, note, warning
 from ...framework.core.recording.readers import read_recording
 from ...framework.core.recording.types import Recording, WheelTable
-from ...framework.core.soil import WRONG_FORM, Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
+from ...framework.core.soil import WRONG_FORM, Quantity, SoilEstimate, SoilKnowledge, as_knowledge
 from ...framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from ..mechanics import linearised
 from ..mechanics.textbook import CHANNELS
-from ..rows.gate import LIMITS, Stretch
+from ..rows.gate import Stretch
 from ..rows.geometry import by_geometry, by_soil
 from ..rows.noise import measured_noise, sensor_noise
 from ..rows.select import SelectedRows, as_trials, select_wheel_rows
 from .change_points import split_soils
 from .computed_channels import Computed, noise_of_shape
 from .estimate import estimate_soil, solve, summarise, usable
+from .identifiability import wald_strengths
 from .noise_likelihood import autocorrelation_finding, solve_with_noise, with_autocorrelated_noise
 from .solution import Measured
 
@@ -186,13 +187,11 @@ def identify_segments(
     recording: Recording,
     *,
     boundaries_s: Sequence[float] | np.ndarray = (),
-    soil: SoilKnowledge | None = None,
-    method: Method = "ml",
 ) -> tuple[Segment, ...]:
     """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
     rows = select_wheel_rows(recording)
     boundaries = np.asarray(boundaries_s, dtype=float)
-    segments = _identify_stretches(rows, rows.stretches(boundaries), soil or SoilKnowledge(), method)
+    segments = _identify_stretches(rows, rows.stretches(boundaries), SoilKnowledge(), "ml", _silent)
     computed = tuple(each for each in rows.findings if each.code in COMPUTED)
     return tuple(
         each if each.estimate is None
@@ -202,7 +201,7 @@ def identify_segments(
 
 
 def _identify_stretches(
-    rows: SelectedRows, stretches: Sequence[Stretch], known: SoilKnowledge, method: Method, report: Report = _silent
+    rows: SelectedRows, stretches: Sequence[Stretch], known: SoilKnowledge, method: Method, report: Report
 ) -> tuple[Segment, ...]:
     """Identify the soil of each stretch, two of them at once; the segments in order."""
     used = [stretch for stretch in stretches if not stretch.reason]
@@ -243,13 +242,13 @@ def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, report: R
     report("looking for changes of soil")
     parts = [(slice(0, len(kept.channels)), with_autocorrelated_noise(kept, whole, rows.wheel, known))]
     if rows.table.run is None:  # of runs that share a clock, rows are in no order of time
-        parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
+        parts = split_soils(kept, rows.wheel, known, whole)
     borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
     starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
     segments = []
     for number, ((part, solution), start, end) in enumerate(zip(parts, starts, ends, strict=True), 1):
         report(f"computing intervals, part {number} of {len(parts)}")
-        own = replace(kept, channels=kept.channels[part], order=kept.order[part])
+        own = kept.select(part)
         estimate = summarise(solution, own, rows.wheel, notes=(*notes, *autocorrelation_finding(kept, solution)))
         estimate = _as_far_as_known(rows, estimate)
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))
@@ -355,20 +354,17 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
     if result.c_Pa < 0.0:
         findings.append(warning("negative_cohesion", c_Pa=result.c_Pa))
     sigma, _ = linearised.peak_stresses(load, torque, sinkage, wheel)
-    strength = []
-    for stress in np.nanpercentile(np.where(sigma > 0.0, sigma, np.nan), [10.0, 50.0, 90.0]):
-        gradient = np.array([1.0, stress])
-        value = float(gradient @ [result.c_Pa, result.tan_phi])
-        half = quantile * math.sqrt(max(float(gradient @ result.covariance @ gradient), 0.0))
-        strength.append(ShearStrength(float(stress), value, max(value - half, 0.0), value + half))
+    stresses_Pa = np.nanpercentile(np.where(sigma > 0.0, sigma, np.nan), [10.0, 50.0, 90.0])
+    mean = np.array([result.c_Pa, result.tan_phi])
+    strength = wald_strengths(stresses_Pa, mean, result.covariance, quantile)
     correlation = float(result.covariance[0, 1] / (sd[0] * sd[1])) if sd.all() else 0.0
     tight = 2.0 * quantile * sd * [1.0, strength[1].normal_stress_Pa] <= 0.5 * abs(strength[1].value_Pa)
     return SoilEstimate(
         parameters=quantities,
-        mean_c_tan_phi=np.array([result.c_Pa, result.tan_phi]),
+        mean_c_tan_phi=mean,
         covariance_c_tan_phi=result.covariance,
         correlation={"c_Pa,phi_rad": correlation},
-        shear_strength=tuple(strength),
+        shear_strength=strength,
         separable={"c_Pa": bool(tight[0]), "phi_rad": bool(tight[1])},
         advice="" if tight.all() else "vary load and slip more, or use the method ml",
         method="linear",

@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...framework.core.concurrency import together
-from ...framework.core.soil import Quantity
-from ..mechanics.flexible import FlexibleWheel
+from ...framework.core.soil import PARAMETERS, Quantity
 from ..mechanics.soil import from_internal, slope_of_internal
-from ..mechanics.textbook import TextbookWheel
 from .optimise import fit
 from .solution import Solution
 
@@ -84,9 +82,7 @@ class Intervals:
     ends: dict[int, tuple[np.ndarray, np.ndarray]]
 
 
-def parameter_intervals(
-    solution: Solution, covariance: np.ndarray, model: TextbookWheel | FlexibleWheel, other: Intervals | None = None
-) -> Intervals:
+def parameter_intervals(solution: Solution, covariance: np.ndarray, other: Intervals | None = None) -> Intervals:
     """Give value, standard deviation and 95 % interval of each parameter in SI.
 
     Parameters
@@ -95,8 +91,8 @@ def parameter_intervals(
         The bounded fit.
     covariance : (p, p)
         Of the parameter vector, inflation included.
-    model
-        The forward model.
+    other
+        Intervals of a freer form of the model, known already: an end within them is not looked for.
     """
 
     def profiled(index: int) -> tuple[np.ndarray, np.ndarray]:
@@ -110,10 +106,10 @@ def parameter_intervals(
         )
         return low, high
 
-    free = np.flatnonzero(solution.free[: len(model.names)]).tolist()
+    free = np.flatnonzero(solution.free[: len(PARAMETERS)]).tolist()
     ends = dict(zip(free, together(profiled, free), strict=True))
     quantities = {}
-    for index, name in enumerate(model.names):
+    for index, name in enumerate(PARAMETERS):
         if index in ends:
             quantities[name] = _quantity(solution, index, name, *ends[index])
         else:

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, ShearStrength, SoilKnowledge
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import from_internal, slope_of_internal, to_internal
-from ..mechanics.textbook import CHANNELS, TextbookWheel
+from ..mechanics.textbook import CHANNELS
 from .estimate import build_problem, converge
-from .identifiability import advise, mean_stress, separable
+from .identifiability import TWO_SIDED, advise, mean_stress, separable, wald_strengths
 from .likelihood import Point, Problem
 from .optimise import Fit, fit
 from .solution import Measured
@@ -29,8 +29,6 @@ MOST_IN_AGREEMENT = 0.75
 
 TRIALS = 4
 """Steps tried at a sample until one leads uphill; the first that does is enough."""
-
-_TWO_SIDED = 1.96
 
 
 @dataclass(frozen=True)
@@ -162,7 +160,7 @@ class OnlineIdentifier:
             centre, sd = float(self._fit.vector[index]), math.sqrt(max(covariance[index, index], 0.0))
             centre = max(centre, 0.0) if name == "c_Pa" else centre
             least, most = (to_internal(name, bound) for bound in PLAUSIBLE[name])
-            low, high = max(centre - _TWO_SIDED * sd, least), min(centre + _TWO_SIDED * sd, most)
+            low, high = max(centre - TWO_SIDED * sd, least), min(centre + TWO_SIDED * sd, most)
             value = from_internal(name, centre)
             quantities[name] = Quantity(
                 value, sd * slope_of_internal(name, value), from_internal(name, low), from_internal(name, high)
@@ -184,16 +182,11 @@ class OnlineIdentifier:
         if self._fit is None or estimate is None:
             return ""
         values = {name: quantity.value for name, quantity in estimate.parameters.items()}
-        c, phi = estimate.parameters["c_Pa"], estimate.parameters["phi_rad"]
-        sd_tan = phi.sd / math.cos(phi.value) ** 2
-        strength = []
-        for stress in np.percentile(mean_stress(self._fit.theta_1, values, TextbookWheel(self._wheel)), [10, 50, 90]):
-            value = c.value + stress * math.tan(phi.value)
-            variance = c.sd**2 + (stress * sd_tan) ** 2 + 2.0 * estimate.correlation * c.sd * stress * sd_tan
-            half = _TWO_SIDED * math.sqrt(max(variance, 0.0))
-            strength.append(ShearStrength(float(stress), value, max(value - half, 0.0), value + half))
+        mean, covariance = np.array([values["c_Pa"], math.tan(values["phi_rad"])]), self.vector()[1][:2, :2]
+        stresses_Pa = np.percentile(mean_stress(self._fit.theta_1, values, self._wheel), [10, 50, 90])
+        strength = wald_strengths(stresses_Pa, mean, covariance, TWO_SIDED)
         free = np.array([name not in self._known.values for name in PARAMETERS])
-        determined = separable(estimate.parameters, tuple(strength), free, 1.0)
+        determined = separable(estimate.parameters, strength, free, 1.0)
         return advise(self._rows, determined, strength, 1.0)
 
 

@@ -47,7 +47,7 @@ class Fit:
     """Where the iteration ended: the point, the log-likelihood with priors [nats], and what follows at that point.
 
     information (d, d) of (vector, population, log_sd of answers); weights (n,) probability of being no gross error;
-    residuals (n, 5) of the channels at the expected latents, in units of sd; load_slip (n, 2) expected latents.
+    residuals (n, 5) of the channels at the expected latents, in units of sd.
     """
 
     point: Point
@@ -55,7 +55,6 @@ class Fit:
     information: np.ndarray
     weights: np.ndarray
     residuals: np.ndarray
-    load_slip: np.ndarray
     theta_1: np.ndarray
     converged: bool
 
@@ -163,12 +162,10 @@ def fit(
     vector = np.where(problem.free, np.clip(point.vector, problem.lower, problem.upper), problem.held)
     point = recentre(problem, replace(point, vector=vector))
     point, state, converged = _climb(problem, point, iterations, enough=enough, foreseen=foreseen)
-    expected = state.responsibility
-    latent = np.einsum("nq,nqa->na", expected, state.nodes)
-    residual = np.einsum("nq,nqm->nm", expected, state.residuals)
+    residual = np.einsum("nq,nqm->nm", state.responsibility, state.residuals)
     residual[~problem.seen] = np.nan
     theta_1 = np.nan_to_num(state.theta_1[:, 0])
-    return Fit(point, state.value, state.information, state.weights, residual, latent, theta_1, converged)
+    return Fit(point, state.value, state.information, state.weights, residual, theta_1, converged)
 
 
 def _climb(

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
-from io import BytesIO
 from pathlib import Path
-
-from matplotlib.figure import Figure
 
 from ...framework.core.files import write_text
 from ...framework.core.findings import codes
 from ...framework.core.html import bullets, figure, marked, page, table, unbroken
+from ...framework.core.pictures import png_of
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
 from .identify import Identification
 from .picture import channels_figure, identification_figure
 from .tables import learnt, parameter_table, strength_table, stretch_table
 from .words import sentences
+
+_DPI = 110
 
 
 def write_report(
@@ -84,10 +84,10 @@ def _pictures(recording: Recording, result: Identification, soil: SoilKnowledge 
     channels = channels_figure(recording, result)
     if channels is not None:
         text = "Measured, and simulated by the textbook's wheel on the soil found, at each row's load and slip."
-        body += figure(_png(channels), text)
+        body += figure(png_of(channels, _DPI), text)
     if result.method == "ml" and any(segment.used for segment in result.segments):
         text = "95 % regions of cohesion and friction angle; along a drive, how the estimate settles."
-        body += figure(_png(identification_figure(recording, result, soil=soil)), text)
+        body += figure(png_of(identification_figure(recording, result, soil=soil), _DPI), text)
     return body
 
 
@@ -106,9 +106,3 @@ def _findings(result: Identification, estimates: Iterable[SoilEstimate]) -> str:
     for each in estimates:
         said += sentences(finding for finding in each.findings if finding.severity != "warning")
     return f"<h2>What to know of it</h2>{bullets(dict.fromkeys(said))}" if said else ""
-
-
-def _png(drawn: Figure) -> bytes:
-    data = BytesIO()
-    drawn.savefig(data, format="png", dpi=110, metadata={"Software": None})
-    return data.getvalue()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,12 @@ from scipy.stats import chi2
 from ...framework.core.files import whole
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
+from ..mechanics.soil import soil_vector
 from ..mechanics.textbook import TextbookWheel
 from ..rows.geometry import by_geometry, by_soil
 from ..rows.select import SelectedRows, as_trials, select_wheel_rows
 from .estimate import LEAST_ROWS, solve, usable
+from .identifiability import TWO_SIDED
 from .identify import Identification, Segment, measured_rows
 from .noise_likelihood import solve_with_noise
 from .solution import Measured
@@ -40,7 +42,6 @@ _ANSWERS = {1: ("torque T [N m]", 1.0), 2: ("sinkage z [mm]", 1e3), 4: ("drawbar
 """Channels that the soil answers with, by their column: name, and how many of its unit are one in SI."""
 
 _DEGREES = 180.0 / math.pi
-_TWO_SIDED = 1.96
 _COLOURS = ("#1b6ca8", "#c4572e", "#3a7d44", "#7b4fa3", "#a67c00", "#2a9d8f", "#b5446e", "#5c6b73")
 
 
@@ -144,9 +145,9 @@ def _compared(recording: Recording, result: Identification) -> Iterator[_Compare
             assert segment.estimate is not None
             measured = measured_rows(rows, _rows_of(segment, rows)).channels
             measured = measured[np.isfinite(measured[:, [0, 3]]).all(axis=1)]
-            model = TextbookWheel(rows.wheel)
-            vector = model.to_vector({name: each.value for name, each in segment.estimate.parameters.items()})
-            simulated = model.predict(measured[:, [0, 3]], vector, np.full(len(measured), np.nan)).channels
+            vector = soil_vector({name: each.value for name, each in segment.estimate.parameters.items()})
+            start = np.full(len(measured), np.nan)
+            simulated = TextbookWheel(rows.wheel).predict(measured[:, [0, 3]], vector, start).channels
             yield _Compared(where(segment), measured, simulated)
 
 
@@ -180,15 +181,14 @@ def _converge(panels: np.ndarray, rows: SelectedRows, chosen: np.ndarray, known:
 
 def _at(measured: Measured, end: int, rows: SelectedRows, known: SoilKnowledge) -> tuple[float, float, float, float]:
     """Cohesion [Pa] and phi [deg] from the first `end` samples, each with the half of its Wald interval."""
-    part = replace(measured, channels=measured.channels[:end], order=measured.order[:end])
-    solution = solve(part, rows.wheel, known)
+    solution = solve(measured.select(slice(end)), rows.wheel, known)
     sd = np.sqrt(np.maximum(np.diag(solution.covariance())[:2], 0.0))
     phi = math.atan(solution.fit.vector[1])
     return (
         max(float(solution.fit.vector[0]), 0.0),
-        _TWO_SIDED * float(sd[0]),
+        TWO_SIDED * float(sd[0]),
         phi * _DEGREES,
-        _TWO_SIDED * float(sd[1]) * math.cos(phi) ** 2 * _DEGREES,
+        TWO_SIDED * float(sd[1]) * math.cos(phi) ** 2 * _DEGREES,
     )
 
 

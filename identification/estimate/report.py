@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from typing import Any
 
 from ...framework.core.findings import Finding
+from ...framework.core.quantities import finite_or_none
 from ...framework.core.soil import Quantity, SoilEstimate
 from .identifiability import is_search_limit
 from .identify import Identification
@@ -24,8 +24,8 @@ def identification_json(result: Identification) -> dict[str, Any]:
         "overall": estimate_json(overall) if overall else None,
         "segments": [
             {
-                "start_s": _number(segment.start_s),
-                "end_s": _number(segment.end_s),
+                "start_s": finite_or_none(segment.start_s),
+                "end_s": finite_or_none(segment.end_s),
                 "used": segment.used,
                 "reason": segment.reason,
                 "rows": segment.n,
@@ -48,7 +48,7 @@ def estimate_json(estimate: SoilEstimate) -> dict[str, Any]:
         "shear_strength": [asdict(strength) for strength in estimate.shear_strength],
         "separable": {name: bool(value) for name, value in estimate.separable.items()},
         "advice": estimate.advice,
-        "misfit": _number(estimate.misfit),
+        "misfit": finite_or_none(estimate.misfit),
         "channels": list(estimate.channels),
         **_findings(estimate.findings),
     }
@@ -63,13 +63,9 @@ def _quantity(name: str, quantity: Quantity) -> dict[str, Any]:
     """Lay out a quantity; `unbounded` names the ends of the interval that the data leave open."""
     ends = {"low": quantity.low, "high": quantity.high}
     return {
-        "value": _number(quantity.value),
-        "sd": _number(quantity.sd),
-        "low": _number(quantity.low),
-        "high": _number(quantity.high),
+        "value": finite_or_none(quantity.value),
+        "sd": finite_or_none(quantity.sd),
+        "low": finite_or_none(quantity.low),
+        "high": finite_or_none(quantity.high),
         "unbounded": [end for end, value in ends.items() if is_search_limit(name, value)],
     }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -41,6 +41,10 @@ class Measured:
     stated: np.ndarray = field(default_factory=lambda: np.ones(len(CHANNELS), dtype=bool))
     timed: bool = True
     computed: Computed | None = None
+
+    def select(self, rows: slice | np.ndarray) -> Measured:
+        """Give some of the samples, by a slice or numbers of rows."""
+        return replace(self, channels=self.channels[rows], order=self.order[rows])
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> tuple[WheelTabl
         )  # fmt: skip
     _check_drive(table, {name: attached[name] for name in given}, path)
     columns = {SIMULATED + name: values for name, values in attached.items()}
-    return table.with_columns({**table.columns, **columns}), notes
+    return table.adding(columns), notes
 
 
 def _check_drive(table: WheelTable, given: Mapping[str, np.ndarray], path: str | Path) -> None:

@@ -18,7 +18,7 @@ from ..mechanics.augmented import SOIL_COUNT
 from .evidence import log_evidence
 from .fit import Fitted, fit_textbook
 from .likelihood import Problem
-from .places import cell_scores
+from .places import cell_scores, in_cells
 from .posterior import Posterior
 from .search import Search
 from .soil_prior import SOIL_PRIOR
@@ -71,9 +71,9 @@ def _changes(problem: Problem, fitted: Fitted) -> list[float]:
     if not drive.timed:
         return []
     edges = np.linspace(drive.time_s.min(), drive.time_s.max(), _CELLS + 1)
-    cell = np.clip(np.searchsorted(edges, drive.time_s, side="right") - 1, 0, _CELLS - 1)
-    gradient, information = cell_scores(problem, fitted, problem.first_noise, cell[:, None] == np.arange(_CELLS))
-    rows = np.bincount(cell, minlength=_CELLS)
+    inside = in_cells(drive.time_s, edges)
+    gradient, information = cell_scores(problem, fitted, problem.first_noise, inside)
+    rows = inside.sum(axis=0)
     found: list[int] = []
     worth = 0.5 * SOIL_COUNT * np.log(len(problem.samples))
     while len(found) < _MOST_CHANGES:

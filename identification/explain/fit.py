@@ -183,7 +183,7 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
     problem, best = _fit_with_own_passes(problem, best)
     problem, best = _fit_noise_shares(problem, best)
     problem.reference = best.response
-    return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(0)))
+    return problem, fit(problem, model, best.vector, best.noise, best.response.entry())
 
 
 def _fit_with_own_passes(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:

@@ -61,7 +61,7 @@ def _predicted(
     local, untested = (_determined_by(problem, fitted, each) for each in (same_class, rows))
     others = problem.without(same_class)
     refitted = fit(
-        others, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)), free=~local,
+        others, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(), free=~local,
         steps=_MOST_STEPS, fit_noise=False,
     )  # fmt: skip
     if len(same_class) > len(rows):

@@ -21,6 +21,7 @@ from ..mechanics.textbook import CHANNELS
 from .explanation import Region
 from .fit import Fitted, fit
 from .likelihood import Problem
+from .places import in_cells
 from .steps import scaled_inverse
 from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, span_of, variables
 from .whitening import Noise
@@ -237,7 +238,8 @@ class Whitened:
 
     def _steps(self, variable: Variable, position: int) -> _Test | None:
         """Test for a step function of a variable."""
-        columns = variable.indicators() * self._problem.seen[:, position][:, None]
+        inside = in_cells(variable.values, variable.edges)
+        columns = (inside & self._problem.seen[:, position][:, None]).astype(float)
         filled = columns.sum(axis=0) >= 1.0
         if filled.sum() < 2:
             return None

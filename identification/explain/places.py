@@ -38,7 +38,7 @@ def best_patches(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]
 
     def gains_of(case: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
         name, noise = case
-        return _gains(*cell_scores(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
+        return _gains(*cell_scores(problem, fitted, noise, in_cells(getattr(drive, name), edges[name])))
 
     found = iter(together(gains_of, product(edges, noises)))
     return {name: _select_distinct([next(found) for _ in noises], edges[name]) for name in edges}
@@ -49,10 +49,10 @@ def _edges(where: np.ndarray) -> np.ndarray:
     return np.linspace(np.nanmin(where), np.nanmax(where), CELLS + 1)
 
 
-def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(n, k) True for the cell that each row of a variable (n,) lies in."""
-    cell = np.clip(np.searchsorted(edges, where, side="right") - 1, 0, CELLS - 1)
-    return (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
+def in_cells(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(n, k) True for the cell between two edges (k + 1,) that each value (n,) lies in; for none where it is NaN."""
+    cell = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    return (cell[:, None] == np.arange(len(edges) - 1)) & np.isfinite(values)[:, None]
 
 
 def _select_distinct(gains: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:

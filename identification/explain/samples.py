@@ -225,7 +225,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[
         path_without_outliers(measured[:, channel], time_s, noise[channel], stretch, regime, timed)
         for channel in (LOAD, SLIP)
     )
-    table = table.with_columns({**table.columns, "load_N": load.mean, "slip": np.clip(slip.mean, -1.0, MOST_SLIP)})
+    table = table.adding({"load_N": load.mean, "slip": np.clip(slip.mean, -1.0, MOST_SLIP)})
     drive = drive_of(table, wheel, stretch)
     if timed:
         drive = smooth_speeds(drive, table, wheel, regime)

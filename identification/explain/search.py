@@ -290,7 +290,7 @@ def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
     """
     if effect.nested:
         model, vector = with_effect(base, effect, np.array([each.null for each in effect.parameters]))
-        response = problem.linearise(model, vector, base.response.entry(np.zeros(0)), base.response)
+        response = problem.linearise(model, vector, base.response.entry(), base.response)
         return _gain(
             problem, base, problem.columns(response)[..., -len(effect.parameters) :], problem.prior(model), vector
         )
@@ -319,18 +319,18 @@ def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vec
 
 def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> Fitted:
     """Fit a model with one more effect at a fixed noise, from the best of the effect's initial values."""
-    entry = base.response.entry(np.zeros(0))
+    entry = base.response.entry()
     starts = [with_effect(base, effect, start) for start in effect.starts()]
     if len(starts) == 1:
         return fit(problem, *starts[0], noise, entry, fit_noise=False)
     short = [fit(problem, *start, noise, entry, steps=_SHORT_STEPS, fit_noise=False) for start in starts]
     best = max(short, key=lambda each: each.score)
-    return fit(problem, best.model, best.vector, noise, best.response.entry(np.zeros(0)), fit_noise=False)
+    return fit(problem, best.model, best.vector, noise, best.response.entry(), fit_noise=False)
 
 
 def refit_with_noise(problem: Problem, fitted: Fitted) -> Fitted:
     """Continue a fit, including the noise."""
-    return fit(problem, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)))
+    return fit(problem, fitted.model, fitted.vector, fitted.noise, fitted.response.entry())
 
 
 def situation(problem: Problem, fitted: Fitted) -> Situation:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
-from sklearn.preprocessing import SplineTransformer
 
 from ...framework.core.track.place import coordinate
 from ..effects.catalogue.soil_patch import tracks_of
@@ -47,7 +45,6 @@ _ORDER = (
 _BINS = 10
 _LEAST_IN_BIN = 4
 MOST_CYCLES = 60
-_FEW_LEVELS = 8
 
 _RATIO_SCALE, _HELD = ("load_N", "rim_speed_m_s", "travel_speed_m_s"), 0.02
 """Variables on a ratio scale, and the variation relative to the median below which they are held constant [-]."""
@@ -63,35 +60,6 @@ class Variable:
     name: str
     values: np.ndarray
     edges: np.ndarray
-
-    @property
-    def cell(self) -> np.ndarray:
-        """Number of the cell of each sample; -1 where the variable was not observed."""
-        inside = np.clip(np.searchsorted(self.edges, self.values, side="right") - 1, 0, len(self.edges) - 2)
-        return np.where(np.isfinite(self.values), inside, -1)
-
-    def indicators(self) -> np.ndarray:
-        """(n, k) one where a sample lies in a cell."""
-        return (self.cell[:, None] == np.arange(len(self.edges) - 1)).astype(float)
-
-    def smooth(self) -> np.ndarray:
-        """(n, p) centred cubic splines of the variable, or a polynomial where it has few levels."""
-        count = len(self.edges) - 1
-        if count <= _FEW_LEVELS:
-            low, high = float(self.edges[0]), float(self.edges[-1])
-            along = np.nan_to_num(2.0 * (self.values - low) / (high - low) - 1.0)
-            columns = legvander(along, min(count - 1, 3))[:, 1:]
-        else:
-            known = np.isfinite(self.values)
-            filled = np.where(known, self.values, np.nanmedian(self.values))[:, None]
-            splines = SplineTransformer(n_knots=6, degree=3, knots="quantile" if _are_spaced(filled) else "uniform")
-            columns = np.asarray(splines.fit_transform(filled)) * known[:, None]
-        columns = columns - columns.mean(axis=0)
-        return columns[:, columns.std(axis=0) > 1e-9]
-
-
-def _are_spaced(values: np.ndarray) -> bool:
-    return len(np.unique(np.quantile(values, np.linspace(0.0, 1.0, 6)))) == 6
 
 
 def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:

@@ -49,9 +49,9 @@ class Response:
     growth: np.ndarray = field(default_factory=lambda: np.empty(0))
     rim: Rim | None = None
 
-    def entry(self, step: np.ndarray) -> Entry:
-        """Initial entry angles after a step (p,) of the parameters."""
-        if not self.theta_1_by_parameter.size or not step.any():
+    def entry(self, step: np.ndarray | None = None) -> Entry:
+        """Initial entry angles after a step (p,) of the parameters, or at the same ones."""
+        if step is None or not self.theta_1_by_parameter.size or not step.any():
             return Entry(self.theta_1, self.growth if self.growth.size else None, self.rim)
         own = self.of_each_row(step)
         return Entry(self.theta_1 + np.sum(self.theta_1_by_parameter * own, axis=1), self.growth)
@@ -104,11 +104,6 @@ class AugmentedWheel:
     def soils(self) -> slice:
         """Soils of all grounds in the parameter vector."""
         return slice(0, SOIL_COUNT * self.grounds)
-
-    @property
-    def size(self) -> int:
-        """Length of the parameter vector."""
-        return self.soils.stop + sum(len(effect.parameters) for effect in self.effects)
 
     def with_effects(self, effects: tuple[Effect, ...]) -> AugmentedWheel:
         """Return the wheel on the same grounds with other effects."""

@@ -17,7 +17,6 @@ import numpy as np
 from ...framework.core.soil import PARAMETERS
 from ...framework.core.vehicle import Wheel
 from . import fields
-from .soil import from_internal, to_internal
 from .textbook import PEAK_SHARE, Prediction, contact_array, in_equilibrium, initial_angles, predicted
 
 
@@ -61,16 +60,6 @@ class FlexibleWheel:
 
     wheel: Wheel
     load_N: float
-    names: tuple[str, ...] = PARAMETERS
-
-    def to_vector(self, values: dict[str, float]) -> np.ndarray:
-        """Return the soil in internal coordinates, and the nuisance parameters at their textbook values."""
-        soil = [to_internal(name, values[name]) for name in self.names]
-        return np.array([*soil, *(freedom.textbook for freedom in FREEDOMS)])
-
-    def from_vector(self, vector: np.ndarray) -> dict[str, float]:
-        """Return the SI values of the soil in a vector."""
-        return {name: from_internal(name, float(value)) for name, value in zip(self.names, vector, strict=False)}
 
     def exponents(self, vector: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Sinkage exponent n at each slip (n,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,9 +43,10 @@ class Soil:
         return self.c_Pa, math.tan(self.phi_rad), self.k_m, self.stiffness_Pa, self.n
 
 
-def soil_vector(soil: Soil) -> np.ndarray:
+def soil_vector(soil: Soil | Mapping[str, float]) -> np.ndarray:
     """Return a soil as the leading entries of a model's vector: c [Pa], tan phi, ln k, ln stiffness, ln n."""
-    return np.array([to_internal(name, getattr(soil, name)) for name in PARAMETERS])
+    values = vars(soil) if isinstance(soil, Soil) else soil
+    return np.array([to_internal(name, values[name]) for name in PARAMETERS])
 
 
 def to_internal(name: str, value: float) -> float:

@@ -15,11 +15,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ...framework.core.soil import PARAMETERS
 from ...framework.core.vehicle import Wheel
 from . import fields
 from .equilibrium import LARGEST_ENTRY_ANGLE, SMALLEST_ENTRY_ANGLE, Equilibrium, carry
-from .soil import Soil, from_internal, to_internal
+from .soil import Soil
 
 CHANNELS = ("load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N")
 """Channels of a wheel, in the order of arrays of predictions."""
@@ -165,12 +164,7 @@ class Prediction:
 
 
 class ForwardModel(Protocol):
-    """A model of the channels by imposed load [N] and slip (n, 2) and a parameter vector (p,)."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        ...
+    """A model of the channels by imposed load [N] and slip (n, 2) and a parameter vector (p,): the soil comes first."""
 
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:
         """Predict all channels from initial entry angles `theta_1` (n,) [rad]."""
@@ -236,19 +230,6 @@ class TextbookWheel:
     """The paper's Eq. 1-9 for one wheel: five soil parameters, theta_2 = 0, theta_m = theta_1 / 2."""
 
     wheel: Wheel
-    names: tuple[str, ...] = PARAMETERS
-
-    def to_vector(self, values: dict[str, float]) -> np.ndarray:
-        """Convert c, phi, k, stiffness, n to (c, tan phi, ln k, ln stiffness, ln n)."""
-        return np.array([to_internal(name, values[name]) for name in self.names])
-
-    def from_vector(self, vector: np.ndarray) -> dict[str, float]:
-        """Return the SI values of a vector."""
-        return {name: from_internal(name, float(value)) for name, value in zip(self.names, vector, strict=True)}
-
-    def soil(self, vector: np.ndarray) -> Soil:
-        """Return the soil of a vector whose cohesion and friction are not negative."""
-        return Soil(**self.from_vector(vector))
 
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:
         """Predict W [N], T [N m], z [m], i [-], DP [N]: see `Prediction`."""

@@ -75,7 +75,7 @@ class Stretch:
     reason: str = ""
 
 
-def quasi_static(table: WheelTable, wheel: Wheel, limits: Limits = LIMITS) -> np.ndarray:
+def quasi_static(table: WheelTable, wheel: Wheel) -> np.ndarray:
     """Say of each row why the gate is closed there, ``""`` where it is open: (n,) of str.
 
     Parameters
@@ -84,11 +84,9 @@ def quasi_static(table: WheelTable, wheel: Wheel, limits: Limits = LIMITS) -> np
         Rows of one wheel in order of time, or steady-state trials; slip derived already.
     wheel
         The wheel.
-    limits
-        When the gate is open.
     """
     reasons = np.full(len(table), "", dtype=object)
-    for text, closed in _checks(table, wheel, limits):
+    for text, closed in _checks(table, wheel):
         reasons[closed & (reasons == "")] = text
     return reasons
 
@@ -98,7 +96,7 @@ def balanced(reasons: np.ndarray) -> np.ndarray:
     return np.array([reason == "" or str(reason).startswith("braked") for reason in reasons], dtype=bool)
 
 
-def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[str, np.ndarray]]:
+def _checks(table: WheelTable, wheel: Wheel) -> Iterator[tuple[str, np.ndarray]]:
     seen = {name: np.isfinite(table[name]) if name in table else np.zeros(len(table), bool) for name in CHANNELS}
     slip, sinkage = table.get("slip"), table.get("sinkage_m")
     yield "at standstill", stands(table)
@@ -107,23 +105,23 @@ def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[s
     yield "fewer than three channels were observed", np.sum(list(seen.values()), axis=0) < 3
     angle, passes = table.get("slip_angle_rad"), table.get("pass")
     if angle is not None:
-        yield "not straight ahead (slip angle beyond 2 deg)", np.abs(angle) > limits.slip_angle_rad
+        yield "not straight ahead (slip angle beyond 2 deg)", np.abs(angle) > LIMITS.slip_angle_rad
     if passes is not None:
         yield "in the rut of an earlier wheel", passes > 1
     yield "rolling backwards", _backwards(table, wheel)
     if "time_s" in table:
         speed = _smooth_speed(table, wheel)
         if speed is not None:
-            fastest = limits.froude * np.sqrt(GRAVITY_M_S2 * wheel.radius_m)
+            fastest = LIMITS.froude * np.sqrt(GRAVITY_M_S2 * wheel.radius_m)
             yield f"too fast for a static balance (above {fastest:.2f} m/s)", np.abs(speed) > fastest
             rate = np.abs(_rate(table["time_s"], speed))
-            yield f"accelerating (above {limits.acceleration_m_s2:.2f} m/s2)", rate > limits.acceleration_m_s2
+            yield f"accelerating (above {LIMITS.acceleration_m_s2:.2f} m/s2)", rate > LIMITS.acceleration_m_s2
     if slip is not None:
         steady = running_median(slip, 11) if "time_s" in table else slip
-        yield f"braked (slip below {limits.least_slip:g})", steady < limits.least_slip
-        yield f"digging in (slip above {limits.most_slip:g})", steady > limits.most_slip
+        yield f"braked (slip below {LIMITS.least_slip:g})", steady < LIMITS.least_slip
+        yield f"digging in (slip above {LIMITS.most_slip:g})", steady > LIMITS.most_slip
     if sinkage is not None:
-        shallow, deep = limits.least_sinkage * wheel.radius_m, limits.most_sinkage * wheel.radius_m
+        shallow, deep = LIMITS.least_sinkage * wheel.radius_m, LIMITS.most_sinkage * wheel.radius_m
         smooth = running_median(sinkage, 11) if "time_s" in table else sinkage
         yield f"ground too hard to sink into (sinkage below {1000 * shallow:.1f} mm)", smooth < shallow
         yield f"wheel buried (sinkage above {1000 * deep:.0f} mm)", smooth > deep
@@ -162,9 +160,7 @@ def _rate(time_s: np.ndarray, speed: np.ndarray) -> np.ndarray:
     return np.asarray(savgol_filter(speed, window, polyorder=1, deriv=1, delta=step))
 
 
-def find_stretches(
-    time_s: np.ndarray, reasons: np.ndarray, boundaries_s: np.ndarray, limits: Limits = LIMITS
-) -> list[Stretch]:
+def find_stretches(time_s: np.ndarray, reasons: np.ndarray, boundaries_s: np.ndarray) -> list[Stretch]:
     """Cut a drive into stretches that can be used and stretches that cannot; a pause of the clock is in none.
 
     Parameters
@@ -175,15 +171,13 @@ def find_stretches(
         From `quasi_static`.
     boundaries_s : (m,)
         Times at which the ground changes: no stretch runs across one.
-    limits
-        When the gate is open.
     """
     instants, index = np.unique(time_s, return_inverse=True)
     opened = np.zeros(len(instants), dtype=bool)
     np.logical_or.at(opened, index, reasons == "")
-    opened = _bridged(instants, opened, limits.bridge_s)
+    opened = _bridged(instants, opened)
     cell = np.searchsorted(np.sort(boundaries_s), instants, side="right")
-    paused = _paused(instants, limits)
+    paused = _paused(instants)
     change = np.flatnonzero((np.diff(opened.astype(int)) != 0) | (np.diff(cell) != 0) | paused) + 1
     edges = [0, *change.tolist(), len(instants)]
     answer = []
@@ -192,32 +186,32 @@ def find_stretches(
         rows = np.flatnonzero(inside & (reasons == ""))
         goes_on = last < len(instants) and not paused[last - 1]
         start, end = float(instants[first]), float(instants[last if goes_on else last - 1])
-        answer.append(Stretch(start, end, rows, _verdict(opened[first], reasons[inside], rows, end - start, limits)))
+        answer.append(Stretch(start, end, rows, _verdict(opened[first], reasons[inside], rows, end - start)))
     return answer
 
 
-def _paused(instants: np.ndarray, limits: Limits) -> np.ndarray:
+def _paused(instants: np.ndarray) -> np.ndarray:
     """Say of instants (n,) [s] where the next one comes after a pause: (n - 1,)."""
     step = np.diff(instants)
     usual = float(np.median(step)) if len(step) else 0.0
-    return step > max(limits.gap_steps * usual, limits.bridge_s)
+    return step > max(LIMITS.gap_steps * usual, LIMITS.bridge_s)
 
 
-def _bridged(instants: np.ndarray, opened: np.ndarray, bridge_s: float) -> np.ndarray:
-    """Open closures shorter than `bridge_s` that lie between open stretches."""
+def _bridged(instants: np.ndarray, opened: np.ndarray) -> np.ndarray:
+    """Open closures shorter than `Limits.bridge_s` that lie between open stretches."""
     answer = opened.copy()
     change = np.flatnonzero(np.diff(opened.astype(int)) != 0) + 1
     edges = [0, *change.tolist(), len(opened)]
     for first, last in pairwise(edges[1:-1]):
-        if not opened[first] and instants[last] - instants[first] < bridge_s:
+        if not opened[first] and instants[last] - instants[first] < LIMITS.bridge_s:
             answer[first:last] = True
     return answer
 
 
-def _verdict(opened: bool, reasons: np.ndarray, rows: np.ndarray, length_s: float, limits: Limits) -> str:
+def _verdict(opened: bool, reasons: np.ndarray, rows: np.ndarray, length_s: float) -> str:
     if not opened:
         texts, counts = np.unique(reasons[reasons != ""].astype(str), return_counts=True)
         return str(texts[np.argmax(counts)])
-    if length_s < limits.least_s or len(rows) < limits.least_rows:
+    if length_s < LIMITS.least_s or len(rows) < LIMITS.least_rows:
         return f"too short ({length_s:.1f} s, {len(rows)} rows)"
     return ""

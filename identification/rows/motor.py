@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -75,4 +74,4 @@ def with_torque(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Findin
         "torque_computed", Nm_A=constant, friction_Nm=motor.friction_Nm, torque_Nm=float(np.nanmean(torque)),
         lossless=math.isclose(motor.efficiency, 1.0) and motor.friction_Nm == 0.0,
     )  # fmt: skip
-    return replace(table, columns={**table.columns, "torque_Nm": torque}), found
+    return table.adding({"torque_Nm": torque}), found

@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from scipy.stats import binom, norm
 
 from ...framework.core.recording.types import WheelTable
+from ...framework.core.track.positions import runs_of
 from ...framework.core.vehicle import Vehicle
 from ..mechanics.textbook import CHANNELS
 
@@ -140,8 +141,7 @@ def _about_a_surface(load: np.ndarray, slip: np.ndarray, values: np.ndarray) -> 
 
 def in_time(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
     """Series of neighbours in time of values (n,), whose `stretch` (n,) is numbered; such as are too short aside."""
-    ends = np.flatnonzero(np.diff(stretch)) + 1
-    return [each for each in np.split(values, ends) if len(each) > 2]
+    return [values[rows] for rows in runs_of(stretch) if len(rows) > 2]
 
 
 def from_running_median(values: np.ndarray, stretch: np.ndarray) -> np.ndarray:
@@ -150,7 +150,7 @@ def from_running_median(values: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     `stretch` (n,) numbers the stretches that no neighbourhood crosses; unseen values are passed over.
     """
     away = np.full(len(values), np.nan)
-    for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
+    for rows in runs_of(stretch):
         seen = rows[np.isfinite(values[rows])]
         if len(seen) >= _FEWEST_NEIGHBOURS:
             away[seen] = np.abs(values[seen] - median_filter(values[seen], 5, mode="mirror"))

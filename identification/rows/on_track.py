@@ -52,7 +52,7 @@ def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> Whe
         x, y, when_s, way_m, names = (np.concatenate(columns) for columns in zip(*ways, strict=True))
         passes = passes_at(np.column_stack([x, y]), when_s, way_m, names, 0.5 * wheels[0].width_m)
         added["pass"] = passes[: len(table)]
-    return table.with_columns({**table.columns, **added})
+    return table.adding(added)
 
 
 def _far_from(time_s: np.ndarray, others_s: np.ndarray) -> np.ndarray:
@@ -139,10 +139,10 @@ def with_grounds(table: WheelTable, vehicle: Vehicle, track: Track | None, groun
     """
     names = [ground.class_name for ground in grounds]
     if table.soil is not None and set(table.soil) <= set(names):
-        return table.with_columns({**table.columns, GROUND: np.array([float(names.index(n)) for n in table.soil])})
+        return table.adding({GROUND: np.array([float(names.index(n)) for n in table.soil])})
     forward_m = np.array([wheel.position_m[0] for wheel in _wheels(table, vehicle)])
     number = ground_of_rows(table["time_s"], forward_m, track, grounds)
-    return table.with_columns({**table.columns, GROUND: number})
+    return table.adding({GROUND: number})
 
 
 def ground_of_rows(
@@ -188,4 +188,4 @@ def without_hard_ground(
                     f"{int(rows.sum())} rows on {name}{span} are left out: too hard to sink into (median sinkage "
                     f"{1000.0 * sinkage_m:.1f} mm)"
                 )
-    return table.with_columns({**table.columns, GROUND: number}), notes
+    return table.adding({GROUND: number}), notes

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...framework.core.recording.types import WheelTable
+from ...framework.core.track.positions import runs_of
 from ..effects.drive import order_of
 from .noise import in_time, noise_of_series, running_median
 
@@ -54,7 +55,7 @@ def with_standstill(table: WheelTable) -> WheelTable:
     changed = {name: np.where(still, 0.0, table[name]) for name in names}
     if slip is not None:
         changed["slip"] = np.where(still, math.nan, slip)
-    return table.with_columns({**table.columns, **changed})
+    return table.adding(changed)
 
 
 def stands(table: WheelTable) -> np.ndarray:
@@ -74,8 +75,7 @@ def _is_zero(speed: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     fastest = float(np.quantile(seen, _FASTEST))
     noise = float(np.nan_to_num(noise_of_series(in_time(speed, stretch))))
     least = np.clip(_NOISE * noise, _VERY_SLOW * fastest, _SLOW * fastest)
-    ends = np.flatnonzero(np.diff(stretch)) + 1
-    smooth = np.concatenate([running_median(part, 5) for part in np.split(speed, ends)])
+    smooth = np.concatenate([running_median(speed[rows], 5) for rows in runs_of(stretch)])
     zero = np.abs(smooth) <= least
     rows = np.flatnonzero(zero)
     apart = (np.diff(rows) > _TOGETHER) | (np.diff(stretch[rows]) != 0)

@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import find_peaks
 
 from ...framework.core.recording.types import WheelTable
+from ...framework.core.track.positions import runs_of
 from ..effects.drive import order_of
 from .noise import NORMAL_MAD, noise_of_series, running_median
 from .standstill import stands
@@ -98,7 +99,7 @@ def steady_runs(table: WheelTable) -> Runs | None:
     starts: list[np.ndarray] = []
     stops: list[np.ndarray] = []
     driven = 0
-    for whole in np.split(order, np.flatnonzero(np.diff(stretch)) + 1):
+    for whole in (order[run] for run in runs_of(stretch)):
         first, end = _at_work(table, whole, still)
         driven += end - first
         pieces, before = np.split(whole[first:end], _steps(imposed, whole[first:end])), -1

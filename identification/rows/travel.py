@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
@@ -70,7 +68,7 @@ def with_travel_speed(
     if slip_sd > 0.0:  # neighbours share a window, and do not show it
         vehicle = vehicle.model_copy(update={"noise": {"slip": slip_sd, **vehicle.noise}})
     found = note("travel_speed_computed", **values)
-    return replace(table, columns={**table.columns, "travel_speed_m_s": travel}), vehicle, found
+    return table.adding({"travel_speed_m_s": travel}), vehicle, found
 
 
 def _way(pose: Pose) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
+from ...framework.core.track.positions import runs_of
+
 _IN_THE_AIR, _LOADED = 0.5, 0.15
 """Share of readings at or below zero where the wheel carries nothing, and the most where it carries a little: one noise
 of the load cell [-]."""
@@ -41,11 +43,10 @@ def carries_nothing(load_N: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     answer = load_N <= 0.0
     if not answer.any():
         return answer
-    ends = np.flatnonzero(np.diff(stretch)) + 1
-    for rows in np.split(np.arange(len(load_N)), ends):
+    for rows in runs_of(stretch):
         load, below = load_N[rows], answer[rows]
         aloft = _in_the_air(below) | _in_the_air(below[::-1])[::-1]
-        for there in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(aloft)) + 1):
+        for there in runs_of(aloft):
             if aloft[there[0]]:
                 noise = _NEAR * float(np.quantile(-load[there][below[there]], _MOST))
                 there = np.arange(max(there[0] - _EDGE, 0), min(there[-1] + _EDGE + 1, len(rows)))

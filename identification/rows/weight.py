@@ -7,7 +7,6 @@ weight to the rear, a bend to its outer side (J. Y. Wong, "Theory of Ground Vehi
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from scipy.constants import g as GRAVITY
@@ -16,6 +15,7 @@ from scipy.signal import savgol_filter
 from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.clock import interpolate
 from ...framework.core.recording.types import Pose, WheelTable
+from ...framework.core.track.positions import runs_of
 from ...framework.core.vehicle import Vehicle
 from ..effects.drive import order_of
 from .travel import slopes
@@ -91,9 +91,9 @@ def with_loads(
         transfer.append("yaw_rad")
     if vehicle.mass_kg is not None and not table.observed("pitch_rad").size:
         found = warning("load_without_slope", load_N=float(np.nanmean(load)), sd_N=noise)
-        return replace(table, columns={**table.columns, "load_N": load}), weighed, found
+        return table.adding({"load_N": load}), weighed, found
     found = note("load_computed", load_N=float(np.nanmean(load)), sd_N=noise, transfer=transfer)
-    return replace(table, columns={**table.columns, "load_N": load}), weighed, found
+    return table.adding({"load_N": load}), weighed, found
 
 
 def _acceleration(table: WheelTable) -> np.ndarray:
@@ -123,7 +123,7 @@ def _over_a_second(table: WheelTable, name: str, *, rate: bool = False) -> np.nd
     if values is None or "time_s" not in table:
         return answer
     time_s, (order, stretch) = table["time_s"], order_of(table)
-    for rows in np.split(order, np.flatnonzero(np.diff(stretch)) + 1):
+    for rows in (order[run] for run in runs_of(stretch)):
         rows = rows[np.isfinite(values[rows])]
         step_s = float(np.median(np.diff(time_s[rows]))) if len(rows) > 2 else 0.0
         window = max(2 * round(0.5 * _OVER_S / step_s) + 1, 3) if step_s > 0.0 else 0
@@ -177,7 +177,7 @@ def with_pull(
         "pull_computed", sd_N=noise, towed=towed, share=_PULL_SHARE, load_N=mean_N, resistance=_RESISTANCE,
         resistance_sd=_RESISTANCE_SD if towed else 0.0, towed_over_driven=towed_share, towed_over_driven_by_N=by_N,
     )  # fmt: skip
-    return replace(table, columns={**table.columns, "drawbar_pull_N": pull}), known, found
+    return table.adding({"drawbar_pull_N": pull}), known, found
 
 
 def _by_load(share: np.ndarray, load_N: np.ndarray) -> tuple[float, float, float]:

@@ -16,14 +16,15 @@ from bevameter import ClassEvidence, TerrainDatabase
 from bevameter.database import schema
 from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
 from bevameter.framework.cli.main import app
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from bevameter.identification.effects.stored import AugmentedSimulator
 from old_schema import TO_FIRST
 from pyarrow import parquet
 from typer.testing import CliRunner
 
 VALUES = dict(zip(PARAMETERS, (700.0, 0.5, 0.02, 4e5, 0.9), strict=True))
-PHYSICS = AugmentedSimulator({name: Estimated(value, 0.0) for name, value in VALUES.items()})
+PHYSICS = AugmentedSimulator({name: Estimate(value, 0.0) for name, value in VALUES.items()})
 FOUND = datetime(2026, 11, 2, 9, 0, tzinfo=UTC)
 
 

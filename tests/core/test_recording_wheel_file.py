@@ -181,7 +181,7 @@ def test_damaged_gzip(content, wheel_csv):
 
 
 def test_a_gzip_bomb_is_stopped(wheel_csv, monkeypatch):
-    monkeypatch.setattr(tables.read_bytes, "__defaults__", (10_000,))
+    monkeypatch.setattr(tables, "MAX_TABLE_BYTES", 10_000)
     with pytest.raises(InputError, match="unpacks to more than 10000 bytes"):
         read_wheel_file(wheel_csv(gzip.compress(b"time_s,load_N\n" + b"0,1\n" * 50_000), "wheel.csv.gz"))
 

@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from bevameter import InputError, TerrainDatabase
 from bevameter.database.check import check
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from bevameter.identification.effects.stored import AugmentedSimulator
 
 VALUES = dict(zip(PARAMETERS, (700.0, 0.5, 0.02, 4e5, 0.9), strict=True))
-PHYSICS = AugmentedSimulator({name: Estimated(value, 0.0) for name, value in VALUES.items()})
+PHYSICS = AugmentedSimulator({name: Estimate(value, 0.0) for name, value in VALUES.items()})
 
 
 @pytest.fixture

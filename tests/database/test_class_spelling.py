@@ -9,11 +9,12 @@ from contextlib import closing
 import pytest
 from bevameter import InputError, SoilKnowledge, TerrainDatabase
 from bevameter.database.store import Added
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from bevameter.identification.effects.stored import AugmentedSimulator
 
 VALUES = dict(zip(PARAMETERS, (700.0, 0.5, 0.02, 4e5, 0.9), strict=True))
-SINKS = AugmentedSimulator({name: Estimated(value, 0.0) for name, value in VALUES.items()})
+SINKS = AugmentedSimulator({name: Estimate(value, 0.0) for name, value in VALUES.items()})
 
 
 @pytest.fixture
@@ -86,7 +87,7 @@ def test_a_drive_whose_classes_are_one_is_not_stored(database, make):
 
 
 def test_what_is_no_physics_is_named(database):
-    bare = AugmentedSimulator({"c_Pa": Estimated(700.0)})
+    bare = AugmentedSimulator({"c_Pa": Estimate(700.0)})
     for given, said in (
         ({"a": 1}, r"^physics: \{'a': 1\} .expected an AugmentedSimulator"), (None, "^physics: None"),
         (SoilKnowledge(), "^physics: SoilKnowledge"), (bare, "^physics of sand: KeyError 'phi_rad'"),

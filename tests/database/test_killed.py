@@ -18,8 +18,9 @@ from bevameter import TerrainDatabase
 from bevameter.database.check import check
 from bevameter.database.info import info
 from bevameter.database.maintenance import migrate
-from bevameter.database.schema import REVISIONS, parse_url
+from bevameter.database.schema import REVISIONS
 from bevameter.database.tables import Base
+from bevameter.database.urls import parse_url
 from killed import ENDS, add_drives, bring_up_to_date, check_whole, drive, kill, merge, pace, pictures
 from old_schema import TO_FIRST
 from sqlalchemy import create_engine

@@ -19,8 +19,9 @@ from bevameter.database import maintenance, schema
 from bevameter.database.check import check
 from bevameter.database.info import info
 from bevameter.database.maintenance import Migrated, Superseded, migrate, prune, superseded
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from bevameter.identification.effects.stored import AugmentedSimulator
 from old_schema import TO_FIRST
 
 FOUND = datetime(2026, 11, 2, 9, 0, tzinfo=UTC)
@@ -28,7 +29,7 @@ FOUND = datetime(2026, 11, 2, 9, 0, tzinfo=UTC)
 
 def physics(c_Pa: float) -> AugmentedSimulator:
     values = dict(zip(PARAMETERS, (c_Pa, 0.5, 0.02, 4e5, 0.9), strict=True))
-    return AugmentedSimulator({name: Estimated(value, 0.0) for name, value in values.items()})
+    return AugmentedSimulator({name: Estimate(value, 0.0) for name, value in values.items()})
 
 
 @pytest.fixture

@@ -12,12 +12,13 @@ from bevameter import TerrainDatabase
 from bevameter.database.check import check
 from bevameter.database.maintenance import prune as remove_superseded
 from bevameter.database.observations import Drive
-from bevameter.database.schema import parse_url
 from bevameter.database.store import Added
 from bevameter.database.tables import Base
+from bevameter.database.urls import parse_url
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.pooling import cells_from_keys
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from bevameter.identification.effects.stored import AugmentedSimulator
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
@@ -72,7 +73,7 @@ class Model:
 
 def physics(hour: int) -> AugmentedSimulator:
     values = dict(zip(PARAMETERS, (700.0 + hour, 0.5, 0.02, 4e5, 0.9), strict=True))
-    return AugmentedSimulator({name: Estimated(value, 0.0) for name, value in values.items()})
+    return AugmentedSimulator({name: Estimate(value, 0.0) for name, value in values.items()})
 
 
 def machine(make, places: tuple[str, str], clear):

@@ -15,8 +15,9 @@ from bevameter import InputError, TerrainDatabase, Vehicle, Wheel
 from bevameter.database import schema
 from bevameter.database.snapshot import Snapshot
 from bevameter.database.store import Added
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.effects.stored import AugmentedSimulator, StoredEffect
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import simulate
@@ -30,11 +31,11 @@ SOIL = Soil(700.0, math.atan(0.55), 0.02, 4e5, 0.9)
 
 
 def physics(*effects: StoredEffect, soil: Soil = SOIL) -> AugmentedSimulator:
-    return AugmentedSimulator({name: Estimated(getattr(soil, name), 0.0) for name in PARAMETERS}, effects)
+    return AugmentedSimulator({name: Estimate(getattr(soil, name), 0.0) for name in PARAMETERS}, effects)
 
 
 def effect(slug: str, form: str = "", sd: float = 0.0, **parameters: float) -> StoredEffect:
-    return StoredEffect(slug, form, {name: Estimated(value, sd) for name, value in parameters.items()})
+    return StoredEffect(slug, form, {name: Estimate(value, sd) for name, value in parameters.items()})
 
 
 SINKS = physics(effect("slip_sinkage", "exponent", n1=0.6))
@@ -209,12 +210,12 @@ def test_what_the_fit_does_not_know_of_the_soil_widens_the_bound(traverse):
 
     sure = physics()
     sd = {"c_Pa": 400.0, "phi_rad": 0.06, "k_m": 0.002, "stiffness_Pa": 4e4, "n": 0.05}
-    unsure = dataclasses.replace(sure, soil={name: Estimated(sure.soil[name].value, sd[name]) for name in PARAMETERS})
+    unsure = dataclasses.replace(sure, soil={name: Estimate(sure.soil[name].value, sd[name]) for name in PARAMETERS})
     # Cohesion and friction are strongly correlated, as in a fit at one load.
     ridge = np.eye(5)
     ridge[0, 1] = ridge[1, 0] = -0.98
     correlated = dataclasses.replace(unsure, correlation=tuple(map(tuple, ridge.tolist())))
-    unknown = dataclasses.replace(sure, soil={name: Estimated(sure.soil[name].value) for name in PARAMETERS})
+    unknown = dataclasses.replace(sure, soil={name: Estimate(sure.soil[name].value) for name in PARAMETERS})
     exact, wide, narrow, nobody = map(answer, (sure, unsure, correlated, unknown))
     assert wide.lower[0] < narrow.lower[0] - 0.5 < exact.lower[0] - 1.0
     assert nobody.lower[0] < exact.lower[0] - 1.0
@@ -224,7 +225,7 @@ def test_what_the_fit_does_not_know_of_the_soil_widens_the_bound(traverse):
 def test_the_bound_holds_where_soils_are_drawn_from_what_the_fit_knows(traverse):
     """Of soils within the fit's uncertainty one in twenty pulls less than the bound, or fewer."""
     sd = {"c_Pa": 400.0, "phi_rad": 0.06, "k_m": 0.004, "stiffness_Pa": 1e5, "n": 0.15}
-    found = AugmentedSimulator({name: Estimated(getattr(SOIL, name), sd[name]) for name in PARAMETERS})
+    found = AugmentedSimulator({name: Estimate(getattr(SOIL, name), sd[name]) for name in PARAMETERS})
     view = Snapshot.derive("q", [traverse], {"sand": found}).along([SAND], confidence=0.95)
     for slip in (0.1, 0.3, 0.6):
         lower = view.drawbar_pull(ROVER, slip=slip).lower[0]
@@ -329,6 +330,6 @@ def test_a_snapshot_does_not_change_and_needs_no_database(tmp_path, traverse):
     with pytest.raises(dataclasses.FrozenInstanceError):
         view.physics["sand"].effects = ()
     with pytest.raises(TypeError):
-        view.physics["sand"].soil["c_Pa"] = Estimated(0.0)
+        view.physics["sand"].soil["c_Pa"] = Estimate(0.0)
     pull = view.along([SAND]).drawbar_pull(ROVER, slip=0.6)
     assert pull.mean[0] == pytest.approx(simulated(SINKS, slip=0.6), abs=1.5)

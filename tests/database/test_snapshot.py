@@ -11,9 +11,10 @@ from bevameter.database.cell_index import NOWHERE as NO_ROW
 from bevameter.database.cell_index import UNSEEN, CellIndex
 from bevameter.database.mixture import MixtureTable
 from bevameter.database.snapshot import Snapshot
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.pooling import cell_keys, cells_from_keys
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from bevameter.identification.effects.stored import AugmentedSimulator
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.special import stdtrit
@@ -410,7 +411,7 @@ def test_a_snapshot_can_be_handed_to_another_process(tmp_path, drive_with_soil, 
     values = dict(zip(PARAMETERS, (700.0, 0.5, 0.02, 4e5, 0.9), strict=True))
     with TerrainDatabase(tmp_path / "t.db") as database:
         database.add_drive(drive_with_soil)
-        database.add_physics("sand", AugmentedSimulator({k: Estimated(v, 0.0) for k, v in values.items()}), source="x")
+        database.add_physics("sand", AugmentedSimulator({k: Estimate(v, 0.0) for k, v in values.items()}), source="x")
         view = database.snapshot()
     path = [[0.1, 0.1], [0.6, 0.1], [1.1, 0.1], [9.0, 9.0]]
     before, size = view.along(path, now=0.0), len(pickle.dumps(view))

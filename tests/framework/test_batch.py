@@ -20,9 +20,10 @@ import pytest
 from bevameter import FailedRecording, InputError, TerrainDatabase, read_recording, run_traverses
 from bevameter.framework import batch, workers
 from bevameter.framework.cli.main import app
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.recording.readers import load_readers
 from bevameter.framework.scenario.write import write_scenario
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.effects.stored import AugmentedSimulator, StoredEffect
 from refusals import VEHICLE, WHEEL, picture, sound
 from typer.testing import CliRunner
 
@@ -89,8 +90,8 @@ def known(tmp_path_factory):
     """A database that knows physics of a class, so that every drive over it is processed otherwise."""
     path = tmp_path_factory.mktemp("known") / "t.db"
     soil = {"c_Pa": 900.0, "phi_rad": 0.5, "k_m": 0.015, "stiffness_Pa": 3e5, "n": 1.0}
-    effect = StoredEffect("slip_sinkage", "exponent", {"n1": Estimated(0.3, 0.01)})
-    physics = AugmentedSimulator({name: Estimated(value, 0.01 * value) for name, value in soil.items()}, (effect,))
+    effect = StoredEffect("slip_sinkage", "exponent", {"n1": Estimate(0.3, 0.01)})
+    physics = AugmentedSimulator({name: Estimate(value, 0.01 * value) for name, value in soil.items()}, (effect,))
     with TerrainDatabase(path) as database:
         database.add_physics("sand", physics, source="a test", time=datetime(2026, 1, 1, tzinfo=UTC))
     return path

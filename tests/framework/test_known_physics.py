@@ -11,6 +11,7 @@ import pytest
 from bevameter.database.observations import Drive, TerrainObservations
 from bevameter.database.store import TerrainDatabase
 from bevameter.framework.core.evidence import ClassEvidence
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.recording.types import Labels, Recording, WheelTable
 from bevameter.framework.core.track.way import track_of
@@ -20,18 +21,18 @@ from bevameter.framework.known_physics import KnownPhysics
 from bevameter.framework.scenario.write import write_scenario
 from bevameter.framework.segments import class_track, learn_soil
 from bevameter.framework.traverse import run_traverse
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.effects.stored import AugmentedSimulator, StoredEffect
 from bevameter.identification.later_drives import for_later_drives
 from bevameter.identification.simulate import simulate
 
 SOIL = {"c_Pa": 900.0, "phi_rad": 0.5, "k_m": 0.015, "stiffness_Pa": 3e5, "n": 1.0}
-SLIP_SINKAGE = StoredEffect("slip_sinkage", "exponent", {"n1": Estimated(0.3, 0.01)})
-TORQUE_ZERO = StoredEffect("torque_offset", "", {"T_0": Estimated(4.0, 0.1)})
+SLIP_SINKAGE = StoredEffect("slip_sinkage", "exponent", {"n1": Estimate(0.3, 0.01)})
+TORQUE_ZERO = StoredEffect("torque_offset", "", {"T_0": Estimate(4.0, 0.1)})
 
 
 def physics(*effects: StoredEffect, vehicle: str = "") -> AugmentedSimulator:
     return AugmentedSimulator(
-        {name: Estimated(value, 0.01 * value) for name, value in SOIL.items()}, effects, (), vehicle
+        {name: Estimate(value, 0.01 * value) for name, value in SOIL.items()}, effects, (), vehicle
     )
 
 
@@ -76,7 +77,7 @@ def test_what_is_known_of_a_class_is_subtracted_there():
 
 def test_what_needs_a_column_that_was_not_recorded_is_left_and_said():
     drive = straight()
-    ruts = StoredEffect("multipass_compaction", "", {"stiffness_gain": Estimated(0.2, 0.01)})
+    ruts = StoredEffect("multipass_compaction", "", {"stiffness_gain": Estimate(0.2, 0.01)})
     same, used, (problem,) = KnownPhysics({"sand": physics(ruts)}).taken_out(drive, *labelled(drive))
     assert "sand was not used" in problem
     assert not used.by_class
@@ -84,7 +85,7 @@ def test_what_needs_a_column_that_was_not_recorded_is_left_and_said():
 
 
 def test_faults_are_those_of_the_vehicle_that_had_them(tmp_path):
-    patch = StoredEffect("drift", "torque_Nm", {"d1": Estimated(0.5, 0.1)}, {"t_first": 0.0, "t_last": 9.0})
+    patch = StoredEffect("drift", "torque_Nm", {"d1": Estimate(0.5, 0.1)}, {"t_first": 0.0, "t_last": 9.0})
     of_rover = physics(SLIP_SINKAGE, TORQUE_ZERO, patch, vehicle="rover")
     assert [each.slug for each in for_later_drives(of_rover, "rover").effects] == ["slip_sinkage", "torque_offset"]
     for other in ("another", ""):

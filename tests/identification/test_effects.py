@@ -129,7 +129,7 @@ def test_derivatives_are_those_of_the_prediction(effect):
     share = 0.05 if effect.slug == "time_lag" else 1e-3
     here = model.linearise(DRIVE, IMPOSED, vector, None)
     usual = np.abs(here.channels).max(axis=0)
-    for index in range(model.size):
+    for index in range(len(vector)):
         step = 1e-3 * scale[index]
         up, down = vector.copy(), vector.copy()
         up[index] += step

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import InputError, Vehicle, Wheel
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import PULL, TORQUE, Effect
 from bevameter.identification.effects.ensemble import channels, error_count, errors_of_fit, soils_off
 from bevameter.identification.effects.parse import specimen
-from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.effects.stored import AugmentedSimulator, StoredEffect
 from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
@@ -36,9 +37,9 @@ def fitted(*effects: Effect, sd: float = 0.0) -> AugmentedSimulator:
 
 
 def physics(slug: str, sd: float = math.nan, **parameters: float) -> AugmentedSimulator:
-    soil = {name: Estimated(getattr(SOIL, name), 0.01) for name in PARAMETERS}
+    soil = {name: Estimate(getattr(SOIL, name), 0.01) for name in PARAMETERS}
     form = parameters.pop("form", "")
-    named = {name: Estimated(value, sd) for name, value in parameters.items()}
+    named = {name: Estimate(value, sd) for name, value in parameters.items()}
     return AugmentedSimulator(soil, (StoredEffect(slug, str(form), named),))
 
 
@@ -55,6 +56,11 @@ def test_every_form_survives_json(effect):
     assert again.effects[0].constants == dict(effect.constants)
     assert again.soil["c_Pa"].value == pytest.approx(500.0)
     assert again.soil["k_m"].sd == pytest.approx(0.012 * 0.01)  # of ln k, taken back to k
+
+
+def test_units_of_an_explanation_s_soil_are_not_written():
+    soil = {name: Estimate(getattr(SOIL, name), 0.01, "SI") for name in PARAMETERS}
+    assert AugmentedSimulator.from_json(AugmentedSimulator(soil).to_json()).soil["c_Pa"] == Estimate(500.0, 0.01)
 
 
 def test_what_was_stored_simulates_as_what_was_fitted():
@@ -260,7 +266,7 @@ def test_a_ripple_of_other_lugs_than_the_vehicle_s_can_be_simulated():
     )  # fmt: skip
     vehicle = Vehicle(wheels=(SITUATION.wheel.model_copy(update={"grouser_count": 10}),))
     soil = Soil(c_Pa=300.0, phi_rad=0.54, k_m=0.012, stiffness_Pa=9e4, n=0.9)
-    found = StoredEffect("grousers", "ripple, 12 lugs", {"a_T": Estimated(0.5, 0.1)}, {})
+    found = StoredEffect("grousers", "ripple, 12 lugs", {"a_T": Estimate(0.5, 0.1)}, {})
     rippled = simulate(vehicle, soil, drive, [found.named])
     plain = simulate(vehicle, soil, drive)
     np.testing.assert_allclose(rippled["torque_Nm"] - plain["torque_Nm"], 0.5 * np.cos(24.0 * time_s), atol=1e-3)

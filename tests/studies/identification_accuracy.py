@@ -19,7 +19,7 @@ from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.estimate.estimate import estimate_soil
 from bevameter.identification.estimate.solution import Measured
 from bevameter.identification.mechanics.linearised import estimate as linear_estimate
-from bevameter.identification.mechanics.soil import Soil, slope_of_internal
+from bevameter.identification.mechanics.soil import Soil, slope_of_internal, soil_vector
 from bevameter.identification.mechanics.textbook import TextbookWheel, equilibrium
 from measured import write
 
@@ -62,8 +62,7 @@ def noisy(
 def bound(share: float, pull: bool) -> np.ndarray:
     """Cramer-Rao bound on the standard deviation of each parameter, SI, load and slip of every sample unknown."""
     model, channels = TextbookWheel(WHEEL), truth()
-    vector = model.to_vector({name: getattr(SOIL, name) for name in NAMES})
-    prediction = model.predict(channels[:, [0, 3]], vector, np.full(len(channels), 0.4))
+    prediction = model.predict(channels[:, [0, 3]], soil_vector(SOIL), np.full(len(channels), 0.4))
     scale = 1.0 / (share * np.abs(channels).max(axis=0))
     scale[4] *= pull
     a, b = prediction.by_latent * scale[:, None], prediction.by_parameter * scale[:, None]

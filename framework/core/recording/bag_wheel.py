@@ -190,7 +190,7 @@ def with_speed_of_angle(table: WheelTable) -> WheelTable:
         ends = [np.clip(time_s + sign * half_s, time_s[0], time_s[-1]) for sign in (-1.0, 1.0)]
         before, after = (np.interp(each, time_s, turned) for each in ends)
         speed[rows] = (after - before) / (ends[1] - ends[0])
-    return WheelTable({**table.columns, "wheel_speed_rad_s": speed}, table.wheel, table.run, table.source)
+    return table.adding({"wheel_speed_rad_s": speed})
 
 
 def with_pitch_and_roll(
@@ -202,7 +202,7 @@ def with_pitch_and_roll(
         for name, values in (("pitch_rad", pitch_rad), ("roll_rad", roll_rad))
         if name not in table
     }
-    return WheelTable({**table.columns, **added}, table.wheel, table.run, table.source)
+    return table.adding(added)
 
 
 def _refuse_double(sources: Sequence[WheelChannels], name: str | None, path: Path) -> None:

@@ -53,7 +53,7 @@ def with_axes_forward(table: WheelTable, pose: Pose | None = None) -> tuple[Whee
         return table, tuple(against)
     sign = np.where(np.isin(table.wheel.astype(str), against), -1.0, 1.0)
     turned = {name: sign * table[name] for name in OF_A_JOINT if name in table}
-    return WheelTable({**table.columns, **turned}, table.wheel, table.run, table.source), tuple(against)
+    return table.adding(turned), tuple(against)
 
 
 def mirrored_of(table: WheelTable | None, against: Sequence[str]) -> frozenset[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from ..files import file_size
 from . import numerals
 from .layout import BLANKS, Layout, find_layout, is_comment, is_number, is_unit_row, split, upright
 from .summary_rows import gaps, headings, summaries, unnamed_means, words_only
-from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes
+from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes, with_rows
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc")
 ENDINGS = (*TEXT_ENDINGS, *(ending + ".gz" for ending in TEXT_ENDINGS), ".parquet", ".xlsx", ".xlsm")
@@ -101,7 +101,7 @@ class Sheet:
         """
         if self.source.name.lower().endswith(".parquet"):
             table = from_parquet(self.source, numbers, text)
-            return _with_rows(table), frozenset(), frozenset()
+            return with_rows(table), frozenset(), frozenset()
         body, rows, left_out = self._body()
         first = self.first
 
@@ -140,7 +140,7 @@ class Sheet:
             if np.isfinite(values).any() or any(words):
                 self.notes.append(f"{name} has no name, left out")
         rows = None if rows is None else rows[: len(trimmed[self.names[0]])]
-        table = _with_rows(Table(found.numbers, found.text, self.source, self.first, problems, rows))
+        table = with_rows(Table(found.numbers, found.text, self.source, self.first, problems, rows))
         return table, frozenset(found.percent), frozenset(found.dated)
 
     def _no_trials(
@@ -205,12 +205,6 @@ def _first_bytes(text: bytes) -> set[int]:
     return {*text[:1], *np.flatnonzero(np.bincount(after, minlength=1)).tolist()}
 
 
-def _with_rows(table: Table) -> Table:
-    if not len(table):
-        raise InputError(table.source, "a header without rows", expected="at least one row of data")
-    return table
-
-
 def open_sheet(path: Path, is_known: Callable[[str], bool], *, own: frozenset[str], sheet: str | None = None) -> Sheet:
     """Open a wheel table and read its header.
 
@@ -261,14 +255,8 @@ def open_sheet(path: Path, is_known: Callable[[str], bool], *, own: frozenset[st
     for _ in range(layout.first - 1):
         body = body.partition(b"\n")[2]
     named = _named(path, layout.names, layout.units, header=layout.header)
-    return Sheet(
-        path, named.names, named.units, layout.header, named.twice, named.unnamed, [*notes, *layout.notes],
-        layout.delimiter, body, layout.first,
-    )  # fmt: skip
-
-
-def _is_own(names: Sequence[str], own: frozenset[str]) -> bool:
-    return any(name in own for name in names)
+    notes = [*notes, *layout.notes]
+    return replace(named, notes=notes, delimiter=layout.delimiter, body=body, first=layout.first)
 
 
 def _own_layout(beginning: str, own: frozenset[str]) -> Layout | None:
@@ -276,7 +264,7 @@ def _own_layout(beginning: str, own: frozenset[str]) -> Layout | None:
     first, _, rest = beginning.partition("\n")
     names = split(first, ",")
     below = split(rest.partition("\n")[0], ",")
-    if first.count('"') % 2 or not _is_own(names, own) or is_unit_row(below) or len(below) == len(names) + 1:
+    if first.count('"') % 2 or own.isdisjoint(names) or is_unit_row(below) or len(below) == len(names) + 1:
         return None
     return Layout(",", tuple(names), None, 1, 2, ())
 

@@ -119,7 +119,6 @@ def read_table(
     *,
     numbers: frozenset[str] = frozenset(),
     text: frozenset[str] | None = frozenset(),
-    required: bool = True,
 ) -> Table:
     """Read a table.
 
@@ -132,32 +131,33 @@ def read_table(
     text
         Columns that are text; None for all that are not in `numbers`. Columns in neither set are numbers if all their
         cells are, and text otherwise.
-    required
-        Whether a table without a single row is an error.
 
     Raises
     ------
     InputError
-        The file is missing, empty, too large, or no such table; a column stands twice; a cell is no number.
+        The file is missing, without rows, too large, or no such table; a column stands twice; a cell is no number.
     """
     path = Path(path)
     if not is_table(path):
         raise InputError(path, f"a file of kind {path.suffix!r}", expected="a .csv, .csv.gz or .parquet file")
     file_size(path, "a table file")
     if path.name.lower().endswith(".parquet"):
-        table = from_parquet(path, numbers, text)
-    else:
-        table = _from_csv(path, numbers, text)
-    if required and not len(table):
-        raise InputError(path, "a header without rows", expected="at least one row of data")
+        return with_rows(from_parquet(path, numbers, text))
+    return with_rows(_from_csv(path, numbers, text))
+
+
+def with_rows(table: Table) -> Table:
+    """Give a table back; raises `InputError` where it has no row."""
+    if not len(table):
+        raise InputError(table.source, "a header without rows", expected="at least one row of data")
     return table
 
 
-def read_bytes(path: Path, limit: int = MAX_TABLE_BYTES) -> bytes:
-    """Read a file, unpacking it if its name ends in ``.gz``; raises `InputError` beyond the limit [bytes]."""
-    data = _opened(path, limit + 1)
-    if len(data) > limit:
-        problem = f"{'unpacks to' if path.name.lower().endswith('.gz') else 'holds'} more than {limit} bytes"
+def read_bytes(path: Path) -> bytes:
+    """Read a file, unpacking it if its name ends in ``.gz``; raises `InputError` beyond `MAX_TABLE_BYTES`."""
+    data = _opened(path, MAX_TABLE_BYTES + 1)
+    if len(data) > MAX_TABLE_BYTES:
+        problem = f"{'unpacks to' if path.name.lower().endswith('.gz') else 'holds'} more than {MAX_TABLE_BYTES} bytes"
         raise InputError(path, problem, expected="a smaller table")
     return data
 

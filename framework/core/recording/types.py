@@ -79,6 +79,10 @@ class WheelTable:
         """Give the same rows with other channels, each (n,)."""
         return replace(self, columns=columns)
 
+    def adding(self, channels: Mapping[str, np.ndarray]) -> WheelTable:
+        """Give the same rows with further channels, each (n,), which take the place of those of the same names."""
+        return self.with_columns({**self.columns, **channels})
+
 
 @dataclass(frozen=True)
 class Pose:

@@ -333,7 +333,7 @@ def _derived(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
         slip = np.where(np.isnan(recorded), slip, recorded)
     if np.isnan(slip).all():
         return table
-    return table.with_columns({**table.columns, "slip": slip})
+    return table.adding({"slip": slip})
 
 
 def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...mechanics.fields import speed_ratio
 from ..effect import PULL, TORQUE, Drive, Effect, Parameter, Situation
 from ..registry import register
 
@@ -41,6 +42,6 @@ class RollingRadius(Effect):
 
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         slip = imposed[:, 1]
-        ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / np.maximum(1.0 + slip, 1e-9)) / (1.0 + values[0])
+        ratio = speed_ratio(slip)[0] / (1.0 + values[0])
         true = np.where(ratio <= 1.0, 1.0 - ratio, 1.0 / ratio - 1.0)
         imposed[:, 1] = np.clip(true, -1.0, 0.9999)

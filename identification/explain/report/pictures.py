@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from io import BytesIO
-from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -12,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import t as t_distribution
 
+from ....framework.core.pictures import STYLE, png_of
 from ..explanation import Explanation, Region
 from ..quantities import Shown, cycles_a_turn, shown
 
@@ -23,16 +22,6 @@ _LOCATED = "#f0e442"
 _GREY = "#555555"
 _MARKS = {"before": (BEFORE, "o"), "after": (AFTER, "s")}
 _TITLES = {"before": "before: simulation", "after": "after: with what was found"}
-_STYLE: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 10.0,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-}
 
 MOST_MAPS = 6
 """Residuals against located variables drawn at most: the most significant ones."""
@@ -61,13 +50,13 @@ def residual_maps(explanation: Explanation) -> list[tuple[str, str, bytes]]:
 
 
 def _residual_map(explanation: Explanation, channel: str, variable: str) -> bytes:
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(9.0, 3.0), layout="constrained")
         sides = _sides(explanation)
         grid = figure.subplots(1, len(sides), squeeze=False, sharey="row", sharex="row")
         _residual_row(grid[0], explanation, channel, variable)
         _head(grid, sides)
-        return _png(figure)
+        return png_of(figure, _DPI)
 
 
 def channels_over(explanation: Explanation) -> tuple[bytes, list[str]] | None:
@@ -86,7 +75,7 @@ def channels_over(explanation: Explanation) -> tuple[bytes, list[str]] | None:
     channels = [channel for channel in rows.channels if channel in first]
     if not channels:
         return None
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(4.5 * len(sides), 2.7 * len(channels) + 0.5), layout="constrained")
         grid = figure.subplots(len(channels), len(sides), squeeze=False, sharey="row", sharex="row")
         for panels, channel in zip(grid, channels, strict=True):
@@ -95,7 +84,7 @@ def channels_over(explanation: Explanation) -> tuple[bytes, list[str]] | None:
         for panel in grid[0]:
             if panel.has_data():
                 panel.legend(frameon=False, fontsize="small")
-        return _png(figure), [first[channel] for channel in channels]
+        return png_of(figure, _DPI), [first[channel] for channel in channels]
 
 
 def _channel_row(panels: np.ndarray, explanation: Explanation, channel: str, variable: str) -> None:
@@ -158,7 +147,7 @@ def few_levels(values: np.ndarray) -> list[np.ndarray]:
 def predicted_against_measured(explanation: Explanation) -> bytes:
     """Draw held-out predictions against measurements, before and after, one row a channel."""
     rows = explanation.rows
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         sides = _sides(explanation)
         figure = Figure(figsize=(4.5 * len(sides), 3.3 * len(rows.channels) + 0.3), layout="constrained")
         grid = figure.subplots(len(rows.channels), len(sides), squeeze=False, sharey="row", sharex="row")
@@ -173,13 +162,13 @@ def predicted_against_measured(explanation: Explanation) -> bytes:
                 panel.set_xlabel(f"measured {how.label}")
             panels[0].set_ylabel(f"predicted {how.label}")
         _head(grid, sides)
-        return _png(figure)
+        return png_of(figure, _DPI)
 
 
 def held_out_errors(explanation: Explanation) -> bytes:
     """Draw each channel's held-out error before and after with its 95 % interval, above the noise floor."""
     fits = explanation.fits
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(max(2.6 * len(fits), 4.0) + 0.6, 3.1), layout="constrained")
         sides = _sides(explanation)
         panels = figure.subplots(1, len(fits), squeeze=False)[0]
@@ -208,7 +197,7 @@ def held_out_errors(explanation: Explanation) -> bytes:
                 color=_GREY,
                 fontsize="small",
             )
-        return _png(figure)
+        return png_of(figure, _DPI)
 
 
 def _sides(explanation: Explanation) -> list[str]:
@@ -339,9 +328,3 @@ def _diagonal(panel: Axes, measured: np.ndarray, noise: float) -> None:
 
 def _opacity(count: int) -> float:
     return float(np.clip(30.0 / math.sqrt(max(count, 1)) / 1.5, 0.25, 0.8))
-
-
-def _png(figure: Figure) -> bytes:
-    page = BytesIO()
-    figure.savefig(page, format="png", dpi=_DPI, metadata={"Software": None})
-    return page.getvalue()

@@ -11,8 +11,9 @@ from bevameter import AugmentedSimulator, InputError, Wheel
 from bevameter.database.exporters import Request, export
 from bevameter.database.formats.scm import scm_page
 from bevameter.database.snapshot import Snapshot
+from bevameter.framework.core.explanation import Estimate
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.effects.stored import Estimated, StoredEffect
+from bevameter.identification.effects.stored import StoredEffect
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import normal_stress
 
@@ -77,8 +78,8 @@ def test_a_class_that_lacks_a_parameter_is_refused(make):
 def test_what_the_parameters_leave_out_is_noted(view):
     values = dict(zip(PARAMETERS, (500.0, 0.5, 0.02, 6e5, 1.0), strict=True))
     physics = AugmentedSimulator(
-        {name: Estimated(value, 0.1 * value) for name, value in values.items()},
-        (StoredEffect("slip_sinkage", "", {"n1": Estimated(0.2, 0.02)}),),
+        {name: Estimate(value, 0.1 * value) for name, value in values.items()},
+        (StoredEffect("slip_sinkage", "", {"n1": Estimate(0.2, 0.02)}),),
     )
     known = dataclasses.replace(view, physics=MappingProxyType({"sand": physics}))
     assert scm_page(known, **STATED)["notes"] == {

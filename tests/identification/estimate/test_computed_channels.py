@@ -15,6 +15,7 @@ from bevameter.identification.estimate.estimate import solve, usable
 from bevameter.identification.estimate.form_error import rejected
 from bevameter.identification.estimate.identify import measured_rows
 from bevameter.identification.mechanics.flexible import FREEDOMS
+from bevameter.identification.mechanics.soil import soil_vector
 from bevameter.identification.mechanics.textbook import TextbookWheel
 from bevameter.identification.rows.select import select_wheel_rows
 from robot_bag import NAMES, RADIUS_M, SAND, VEHICLE_TOML, drive
@@ -27,7 +28,7 @@ IMPOSED = np.array([[120.0, 0.1], [180.0, 0.4], [90.0, -0.05], [150.0, 0.7]])
 @pytest.mark.parametrize("freed", [False, True])
 def test_derivatives_are_those_of_differences(freed):
     model = ComputedChannels(TextbookWheel(WHEEL), 140.0, towed=(0.15, -0.2))
-    vector = np.append(TextbookWheel(WHEEL).to_vector(VALUES), [0.03, 0.02, -0.05, 0.2, 0.1])
+    vector = np.append(soil_vector(VALUES), [0.03, 0.02, -0.05, 0.2, 0.1])
     if freed:
         model = model.freed(140.0)
         vector = np.append(vector, [0.1, 0.45, 0.05, 0.1, 0.2, 0.05][: len(FREEDOMS)])
@@ -46,7 +47,7 @@ def test_derivatives_are_those_of_differences(freed):
 
 
 def test_without_errors_it_is_the_wheel_itself():
-    vector = TextbookWheel(WHEEL).to_vector(VALUES)
+    vector = soil_vector(VALUES)
     angle = np.full(len(IMPOSED), 0.6)
     model = ComputedChannels(TextbookWheel(WHEEL), 140.0)
     computed = model.predict(IMPOSED, np.append(vector, np.zeros(NUISANCES)), angle)

@@ -12,7 +12,7 @@ from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.estimate.estimate import estimate_soil, physical, solve, usable
 from bevameter.identification.estimate.optimise import fit
 from bevameter.identification.estimate.solution import Measured
-from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.soil import Soil, soil_vector
 from bevameter.identification.mechanics.textbook import CHANNELS, TextbookWheel, equilibrium
 
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)
@@ -54,7 +54,7 @@ def test_an_estimate_is_as_good_as_the_cramer_rao_bound_and_its_interval_is_no_w
     noisy = paper_case(rng, 0.10)
     # Cramer-Rao bound at the truth, the true load and slip of every sample unknown.
     model = TextbookWheel(WHEEL)
-    vector = model.to_vector({name: getattr(SOIL, name) for name in model.names})
+    vector = soil_vector(SOIL)
     prediction = model.predict(noise_free.channels[:, [0, 3]], vector, np.full(300, 0.4))
     scale = np.where(np.isfinite(noisy.noise), 1.0 / noisy.noise, 0.0)[None, :, None]
     a, b = np.nan_to_num(prediction.by_latent) * scale, np.nan_to_num(prediction.by_parameter) * scale

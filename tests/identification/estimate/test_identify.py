@@ -216,7 +216,7 @@ def test_the_linear_method_needs_torque_and_never_reports_negative_cohesion(rng)
     )
     segments = identify(recording(with_columns(without, drawbar_pull_N=table["load_N"])), method="ml").segments
     assert len(segments) == 1
-    linear = identify_segments(recording(with_columns(without, drawbar_pull_N=table["load_N"])), method="linear")
+    linear = identify(recording(with_columns(without, drawbar_pull_N=table["load_N"])), method="linear").segments
     assert not linear[0].used
     assert "torque_Nm" in linear[0].reason
 
