@@ -88,7 +88,7 @@ def vibration_evidence(run: VibrationRun, model: TerrainClassifier) -> tuple[np.
     features, first = vibration_features(run, channels)
     quality, reasons = rated(features, channels, quietest, noise)
     start_s = first / run.sample_rate_Hz
-    features = np.where((quality > 0)[:, None], filled(features, fill), 0.0)
+    features = np.where((quality > 0)[:, None], filled(features, fill, channels), 0.0)
     end_s = start_s + min(WINDOW_S, len(run.time_s) / run.sample_rate_Hz)
     return start_s, end_s, model.evidence(features, quality, reasons)
 
@@ -110,10 +110,10 @@ def wheel_file_of(file: Path) -> Path | None:
     return None
 
 
-def filled(features: np.ndarray, fill: np.ndarray) -> np.ndarray:
+def filled(features: np.ndarray, fill: np.ndarray, channels: VibrationChannels) -> np.ndarray:
     """Put what is usual in place of a missing block; a row whose inertial part is missing stays as it is."""
     absent = np.asarray(np.isnan(features))
-    return np.where(absent & ~absent[:, [0]], fill, features)
+    return np.where(absent & ~absent[:, noise_columns(channels)].any(axis=1, keepdims=True), fill, features)
 
 
 def _opened(model: TerrainClassifier) -> tuple[VibrationChannels, np.ndarray, float, SignalToNoise | None]:
@@ -133,7 +133,7 @@ def _opened(model: TerrainClassifier) -> tuple[VibrationChannels, np.ndarray, fl
         quietest = float(model.settings["quietest"])
         noise = model.settings.get("noise")
         noise = None if noise is None else SignalToNoise.from_settings(noise, noise_columns(channels).stop)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(source, f"damaged settings: {error}", expected="a model of `bevameter train`") from None
     if channels.names != tuple(model.feature_names) or fill.shape != (len(channels.names),):
         raise InputError(source, "settings and features do not agree", expected="a model of `bevameter train`")

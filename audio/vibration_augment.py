@@ -7,14 +7,12 @@ recorded, and how far the ground stands above that error is one ratio for all of
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from ..framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 from ..framework.core.recording.types import VibrationRun
 from ..framework.core.recording.vibration import on_clock
 from .augment import coloured_noise
-from .vibration_features import WINDOW_S
 
 NOISE_DB = (-15.0, 30.0)
 """Range of the ratio of a run's vibration to the noise that is added [dB]."""
@@ -26,25 +24,55 @@ COARSE = (0.1, 5.0)
 """Range of the step of a coarse sensor, in standard deviations of what it records [-]."""
 
 
-def worsened(run: VibrationRun, rng: np.random.Generator) -> VibrationRun:
-    """Give a run as a worse sensor, or one nearer to motors, would have recorded it: one fault of it or two."""
-    level = np.nanmean(run.channels, axis=0)
-    moved = run.channels - level
-    spread = np.maximum(np.nanstd(moved, axis=0), 1e-9)
-    for fault in rng.permutation(len(FAULTS))[: rng.integers(1, 3)]:
-        moved = FAULTS[fault](moved, spread, run, rng)
-    return replace(run, channels=level + moved)
+def worsened(run: VibrationRun, rng: np.random.Generator, faded: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Give a run as a worse sensor, or one nearer to motors, would have recorded it: one fault of it or two.
 
+    Parameters
+    ----------
+    run
+        n samples of c channels.
+    rng
+        Draws the faults.
+    faded
+        Share of the vibration that is left before, as of quieter ground or a slower vehicle [-].
 
-def ratio_dB(run: VibrationRun, worse: VibrationRun, first: np.ndarray) -> np.ndarray:
-    """Give the ratio of vibration to what was changed in it, the mean over the channels [dB].
-
-    `first` (n,) are the first samples of windows; (n,), NaN for one with a gap.
+    Returns
+    -------
+    worse : (n, c)
+        The channels that it would have recorded; as they are where no sample is whole.
+    without : (n, c)
+        The same without the faults.
     """
-    rows = first[:, None] + np.arange(min(round(WINDOW_S * run.sample_rate_Hz), len(run.time_s)))
-    whole, error = run.channels[rows], (worse.channels - run.channels)[rows]
-    power, lost = (np.maximum(part.var(axis=1), 1e-20) for part in (whole, error))
-    return np.asarray(10.0 * np.log10(power / lost).mean(axis=1))
+    whole = run.channels[np.isfinite(run.channels).all(axis=1)]
+    if not len(whole):
+        return run.channels, run.channels
+    level, spread = whole.mean(axis=0), faded * np.maximum(whole.std(axis=0), 1e-9)
+    moved = changed = faded * (run.channels - level)
+    for fault in rng.permutation(len(FAULTS))[: rng.integers(1, 3)]:
+        changed = FAULTS[fault](changed, spread, run, rng)
+    return level + changed, level + moved
+
+
+def ratio_dB(worse: np.ndarray, without: np.ndarray, first: np.ndarray, length: int) -> np.ndarray:
+    """Give how far vibration stands above what a fault made of it, the mean over the channels [dB].
+
+    Parameters
+    ----------
+    worse, without : (n, c)
+        What `worsened` gives.
+    first : (m,)
+        First samples of windows.
+    length
+        Samples of a window.
+
+    Returns
+    -------
+    (m,)
+        In each channel at most `NOISE_FREE_DB`, as where a window holds nothing to clip; NaN for one with a gap.
+    """
+    rows = first[:, None] + np.arange(length)
+    power, lost = (np.maximum(part[rows].var(axis=1), 1e-20) for part in (without, worse - without))
+    return np.asarray(np.clip(10.0 * np.log10(power / lost), -NOISE_FREE_DB, NOISE_FREE_DB).mean(axis=1))
 
 
 def _noisy(moved: np.ndarray, spread: np.ndarray, run: VibrationRun, rng: np.random.Generator) -> np.ndarray:

@@ -84,6 +84,11 @@ def cut_run(count: int, rate_hz: float) -> np.ndarray:
     return np.arange(0, max(count - length, 0) + 1, hop)
 
 
+def window_samples(run: VibrationRun) -> int:
+    """Samples of a window of a run."""
+    return min(round(WINDOW_S * run.sample_rate_Hz), len(run.time_s))
+
+
 def vibration_features(run: VibrationRun, channels: VibrationChannels) -> tuple[np.ndarray, np.ndarray]:
     """Describe a run window by window.
 
@@ -103,7 +108,7 @@ def vibration_features(run: VibrationRun, channels: VibrationChannels) -> tuple[
         First sample of each window.
     """
     first = cut_run(len(run.time_s), run.sample_rate_Hz)
-    length = min(round(WINDOW_S * run.sample_rate_Hz), len(run.time_s))
+    length = window_samples(run)
     inertial = run.channels[:, [run.names.index(name) for name in channels.inertial]]
     rates = [index for index, name in enumerate(channels.inertial) if name.casefold().startswith(RATE_PREFIXES)]
     drive, speed = (_wheel(run, names) for names in (channels.drive, channels.speed))

@@ -58,10 +58,11 @@ def rated(
             reasons[index] = ("the vibration was not recorded",)
         elif stuck[index]:
             reasons[index] = ("a channel does not change",)
-        elif moving[index] < clear[index]:
+        elif moving[index] <= clear[index]:
             reasons[index] = ("hardly any vibration: the vehicle stands, or nearly",)
         else:
+            side = "below" if ratio[index] < 0 else "above"
             reasons[index] = (
-                f"noise or a poor sensor: vibration {ratio[index]:.0f} dB above what is not the ground's",
+                f"noise or a poor sensor: the ground's vibration is {abs(ratio[index]):.0f} dB {side} the noise",
             )
     return quality, reasons

@@ -15,16 +15,18 @@ from ..framework.core.errors import InputError
 from ..framework.core.recording.types import VibrationRun
 from .vibration import SETTINGS, filled, run_of
 from .vibration_augment import ratio_dB, worsened
-from .vibration_features import WINDOW_S, VibrationChannels, vibration_features
+from .vibration_features import WINDOW_S, VibrationChannels, cut_run, vibration_features, window_samples
 from .vibration_quality import levels, noise_columns, rated
 
 CANDIDATES = ("logistic", "whitened logistic")
 SPARED = 0.4
 """Share of the training windows that are shown a second time without what the wheels recorded."""
 COPIES = 3
-"""So many times each run is made worse, each time in another way."""
+"""So many times each run is made worse, each time in another way, and as often again with less of its vibration."""
 WORSE = 1 / 3
-"""Share of the training windows that are shown once more, from one of these copies."""
+"""Share of the training windows that are shown once more, from one of these copies, and as many of the faded ones."""
+FADED = 0.02
+"""Least share of the vibration that is left in faded copies [-]: they teach how noise shows where nothing else does."""
 DROWNED_DB = -7.0
 """Vibration over what is none of the ground's, below which nothing is to be trusted [dB]: of 48 real runs, windows held
 out are recognised half as often there, chance aside. Such windows teach what noise is, not what ground feels like."""
@@ -114,9 +116,12 @@ def _train(
     worse_features = np.concatenate([cut.worse for cut in cuts])[worse]
     bare = rng.random(len(worse)) < SPARED
     worse_features[bare] = _without_wheels(worse_features[bare], channels)
-    rows = filled(np.concatenate([features, _without_wheels(features[spared], channels), worse_features]), fill)
+    rows = filled(
+        np.concatenate([features, _without_wheels(features[spared], channels), worse_features]), fill, channels
+    )
     order = np.concatenate([np.arange(len(features)), spared, worse])
     snr_dB = np.concatenate([np.full(len(features) + len(spared), NOISE_FREE_DB), worse_dB[worse]])
+    faded = np.concatenate([cut.faded for cut in cuts])[worse]
     level = np.nanmean(features[:, levels(channels)], axis=1)
     level = level[np.isfinite(level)]
     quietest = float(np.quantile(level, 0.01)) if level.size else 0.0
@@ -132,7 +137,7 @@ def _train(
         "inertial": list(channels.inertial), "drive": list(channels.drive), "speed": list(channels.speed),
         "fill": np.round(fill, 9).tolist(), "quietest": quietest, "noise": noise.settings(),
     }  # fmt: skip
-    taught = snr_dB >= DROWNED_DB
+    taught = (snr_dB >= DROWNED_DB) & ~np.concatenate([np.zeros(len(order) - len(worse), dtype=bool), faded])
     mounting = len(channels.names) - channels.of_mounting
     order = order[taught]
     return TerrainClassifier.train(
@@ -150,32 +155,42 @@ class _Windows:
     """The n windows of a run's labelled stretch, as they came and from copies of the run that were made worse.
 
     `features` and `worse` (n, d) are those of `vibration_features`; `worse_dB` (n,) is how far the ground's vibration
-    stands above what was changed [dB], NaN in a gap and where no worse copy was taken. Of these the features that tell
-    how the sensor is mounted are as they came: noise must not teach the gate that any mounting will do.
+    stands above what was changed [dB], NaN in a gap and where no worse copy was taken; `faded` (n,) marks copies with
+    less of the vibration. The features that tell how the sensor is mounted are as they came in the copies, too: noise
+    must not teach the gate that any mounting will do.
     """
 
     samples: list[LabelledFile]
     features: np.ndarray
     worse: np.ndarray
     worse_dB: np.ndarray
+    faded: np.ndarray
 
     @staticmethod
     def of(run: VibrationRun, item: LabelledFile, channels: VibrationChannels, rng: np.random.Generator) -> _Windows:
-        features, first = vibration_features(run, channels)
-        worse, worse_dB = np.full_like(features, np.nan), np.full(len(first), np.nan)
-        taken = np.where(rng.random(len(first)) < WORSE, rng.integers(COPIES, size=len(first)), -1)
-        for number in range(COPIES):
-            rows = np.flatnonzero(taken == number)
-            copy = worsened(run, rng)
-            worse[rows] = vibration_features(copy, channels)[0][rows]
-            worse_dB[rows] = ratio_dB(run, copy, first[rows])
-        mounting = len(channels.names) - channels.of_mounting
-        worse[:, mounting:] = features[:, mounting:]
+        first, length = cut_run(len(run.time_s), run.sample_rate_Hz), window_samples(run)
         start = first / run.sample_rate_Hz
         low, high = item.start_s or 0.0, np.inf if item.end_s is None else item.end_s
         inside = (start >= low - 1e-9) & (start + WINDOW_S <= max(high, low + WINDOW_S) + 1e-6)
+        if not inside.any():
+            nothing = np.empty((0, len(channels.names)))
+            return _Windows([], nothing, nothing, np.empty(0), np.empty(0, dtype=bool))
+        rows = slice(int(first[inside][0]), int(first[inside][-1]) + length)
+        run = replace(run, time_s=run.time_s[rows], channels=run.channels[rows], wheel=run.wheel[rows])
+        features, first = vibration_features(run, channels)
+        n = len(first)
+        worse, worse_dB = np.full_like(features, np.nan), np.full(n, np.nan)
+        taken = np.where(rng.random(n) < 2 * WORSE, rng.integers(2 * COPIES, size=n), -1)
+        for number in range(2 * COPIES):
+            own = np.flatnonzero(taken == number)
+            faded = 1.0 if number < COPIES else float(np.exp(rng.uniform(np.log(FADED), 0.0)))
+            copy, without = worsened(run, rng, faded)
+            worse[own] = vibration_features(replace(run, channels=copy), channels)[0][own]
+            worse_dB[own] = ratio_dB(copy, without, first[own], length)
+        mounting = len(channels.names) - channels.of_mounting
+        worse[:, mounting:] = features[:, mounting:]
         samples = [replace(item, start_s=at, end_s=at + WINDOW_S) for at in start[inside].tolist()]
-        return _Windows(samples, features[inside], worse[inside], worse_dB[inside])
+        return _Windows(samples, features, worse, worse_dB, taken >= COPIES)
 
 
 def _read(item: LabelledFile) -> VibrationRun:
@@ -193,9 +208,10 @@ def _refuse_without_window(labelled: Sequence[LabelledFile], taught: set[str]) -
 
 
 def _shared_channels(runs: Sequence[VibrationRun]) -> VibrationChannels:
-    inertial = tuple(name for name in runs[0].names if all(name in run.names for run in runs))
+    recorded = [set(np.array(run.names)[np.isfinite(run.channels).any(axis=0)].tolist()) for run in runs]
+    inertial = tuple(name for name in runs[0].names if all(name in names for names in recorded))
     if not inertial:
-        odd = next(run for run in runs if not set(run.names) & set(runs[0].names))
+        odd = next((run for run, names in zip(runs, recorded, strict=True) if not names & recorded[0]), runs[-1])
         raise InputError(odd.source, f"columns {', '.join(odd.names)}", expected=", ".join(runs[0].names))
     found = [VibrationChannels.of(run) for run in runs if run.wheel_names]
     drive = tuple(name for name in (found[0].drive if found else ()) if all(name in part.drive for part in found))

@@ -209,8 +209,7 @@ def moved(recording: Recording, placed: Placement) -> Recording:
         if wheel is not None and _has_places(wheel):
             x_m, y_m = offset.moved(wheel["x_m"], wheel["y_m"])
             yaw = {} if "yaw_rad" not in wheel else {"yaw_rad": wheel["yaw_rad"] + offset.yaw_rad}
-            columns = {**wheel.columns, "x_m": x_m, "y_m": y_m, **yaw}
-            wheel = WheelTable(columns, wheel.wheel, wheel.run, wheel.source)
+            wheel = wheel.adding({"x_m": x_m, "y_m": y_m, **yaw})
         if pose is not None:
             pose = Pose(pose.time_s, *offset.moved(pose.x_m, pose.y_m), pose.yaw_rad + offset.yaw_rad)
     return replace(recording, site=placed.site, origin=placed.origin, offset=offset, wheel=wheel, pose=pose)

@@ -10,6 +10,7 @@ from bevameter.audio.vibration_augment import FAULTS, ratio_dB
 from bevameter.audio.vibration_features import VibrationChannels, vibration_features
 from bevameter.audio.vibration_train import train_vibration
 from bevameter.framework.core.classifier.labelled import read_labelled
+from bevameter.framework.core.classifier.signal_to_noise import NOISE_FREE_DB
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.vibration import read_vibration_run
 
@@ -153,7 +154,7 @@ def with_tone(run, ratio_dB):
 
 def test_the_ratio_is_that_of_vibration_to_what_was_added(labelled):
     run = read_vibration_run(labelled / "imu_0.csv.gz")
-    found = ratio_dB(run, with_tone(run, 10.0), np.array([0, 300]))
+    found = ratio_dB(with_tone(run, 10.0).channels, run.channels, np.array([0, 300]), 512)
     np.testing.assert_allclose(found, 10.0, atol=0.5)
 
 
@@ -179,10 +180,26 @@ def test_noise_costs_quality_says_so_and_ends_unknown(outcome, labelled):
     assert all(any("noise or a poor sensor" in reason for reason in said) for said in found[2].reasons)
 
 
+@pytest.mark.parametrize("level", [0.05, 0.3, 1.0])
+def test_a_motor_alone_is_no_ground(outcome, labelled, level):
+    run = read_vibration_run(labelled / "imu_0.csv.gz")
+    motor = with_tone(replace(run, channels=0.01 * run.channels), -40)
+    motor = motor.channels * level * run.channels.std(axis=0) / motor.channels.std(axis=0)
+    evidence = vibration_evidence(replace(run, channels=motor), outcome.classifier)[2]
+    assert evidence.unknown.mean() > 0.9
+
+
+def test_what_a_fault_left_alone_counts_as_free_of_noise(labelled):
+    run = read_vibration_run(labelled / "imu_0.csv.gz")
+    worse = run.channels.copy()
+    worse[:, 1] = np.clip(worse[:, 1], -0.1, 0.1)
+    (found,) = ratio_dB(worse, run.channels, np.array([0]), 512)
+    assert 0.75 * NOISE_FREE_DB < found < NOISE_FREE_DB
+
+
 def test_trust_is_learnt_from_worse_copies(outcome):
     table = outcome.report["trust"]
     assert table[-1]["quality"] > 0.9
-    assert all(0 < row["weight"] <= 1 for row in table)
     assert outcome.classifier.fitted.trust is not None
     assert outcome.report["n_degraded"] > 0.5 * outcome.report["n_scored"]
 

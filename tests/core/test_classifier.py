@@ -208,6 +208,22 @@ def test_gate_distance_is_mahalanobis(rng):
     assert gate.distance(point)[0] == pytest.approx(expected, rel=0.02)
 
 
+def test_a_gate_of_blocks_looks_at_the_worst_of_them(rng):
+    z, one, weight = rng.normal(size=(2000, 21)), np.zeros(2000, dtype=int), np.ones(2000)
+    odd = np.zeros((1, 21))
+    odd[0, 20] = 6.0  # one column of its own, that twenty others would hide
+    whole, blocks = (Gate.fit(z, one, weight, 1, ends) for ends in ((), (20, 21)))
+    assert whole.distance(odd)[0] < np.quantile(whole.distance(z), 0.999)
+    assert blocks.distance(odd)[0] > 2.0
+    assert np.quantile(Gate.fit(z, one, weight, 1, (20,)).distance(z), 0.5) == pytest.approx(1.0, abs=0.05)
+    for block in (slice(0, 20), slice(20, 21)):
+        alone = np.zeros_like(z)
+        alone[:, block] = z[:, block]
+        assert np.quantile(blocks.distance(alone), 0.98) == pytest.approx(1.0, abs=0.05)
+    alike = np.repeat(z[:1], 4, axis=0)
+    assert np.isfinite(Gate.fit(alike, one[:4], weight[:4], 1, (20, 21)).distance(alike)).all()
+
+
 def test_poor_quality_is_passed_on(outcome, rng):
     x, _, _ = blobs(rng, classes=1, groups=1, rows=3)
     evidence = outcome.classifier.evidence(x, np.array([0.0, 0.5, np.nan]))

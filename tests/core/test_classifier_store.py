@@ -183,6 +183,9 @@ def test_metadata_that_do_not_fit_are_refused(saved, change):
         ({"trust": {"quality": [0.5], "weight": [2.0], "groups": [9]}}, "key trust: damaged: weight outside 0 to 1"),
         ({"trust": {"quality": [0.5], "weight": [1.0]}}, "key trust: damaged"),
         ({"together": {"quality": [0.5], "weight": [1.0]}}, "key together: damaged"),
+        ({"gate_ends": [3, 3, 5]}, r"key gate_ends: \[3, 3, 5\]"),
+        ({"gate_ends": [2, 4]}, r"key gate_ends: \[2, 4\] .*rising columns up to 5"),
+        ({"gate_ends": [0, 5]}, r"key gate_ends\.0: 0"),
     ],
 )
 def test_metadata_of_another_kind_are_refused_by_key(saved, change, says):
@@ -191,6 +194,18 @@ def test_metadata_of_another_kind_are_refused_by_key(saved, change, says):
     skops.io.dump(content, saved)
     with pytest.raises(InputError, match=rf"model\.skops, {says}"):
         TerrainClassifier.load(saved)
+
+
+def test_the_blocks_of_the_gate_are_kept(tmp_path):
+    rng = np.random.default_rng(8)
+    x, y, groups = rng.normal(size=(80, 4)), np.repeat(["gravel", "sand"], 40), np.tile(np.arange(8), 10).astype(str)
+    model = TerrainClassifier.train(
+        x, y, groups, modality="audio", feature_names=list("abcd"), settings={}, rng=rng, gate_ends=(3, 4)
+    ).classifier
+    model.save(tmp_path / "m.skops")
+    again = TerrainClassifier.load(tmp_path / "m.skops")
+    assert again.fitted.gate.ends == (3, 4)
+    assert again.version == model.version
 
 
 @pytest.mark.parametrize("key", ["classes", "settings", "correlation"])

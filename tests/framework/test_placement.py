@@ -16,7 +16,8 @@ from bevameter.database.frames import SiteFrame
 from bevameter.framework.batch import FailedRecording
 from bevameter.framework.core.origin import Offset, Origin
 from bevameter.framework.core.recording.bag_places import stays
-from bevameter.framework.placement import Claim, Frames, moved, place_as_stored, placement_of
+from bevameter.framework.core.recording.types import Recording, WheelTable
+from bevameter.framework.placement import Claim, Frames, Placement, moved, place_as_stored, placement_of
 from bevameter.framework.scenario.write import write_scenario
 from robot_bag import RobotBag, drive
 
@@ -25,6 +26,17 @@ GRAZ = Origin(47.0707, 15.4395)
 
 def claim(name="a", site="farm", origin=None, offset=None, stays=False) -> Claim:
     return Claim(name, uuid.uuid5(uuid.NAMESPACE_DNS, name).hex, site, origin, offset, stays)
+
+
+def test_wheel_rows_that_are_moved_keep_their_soils_and_the_names_of_their_columns(tmp_path):
+    place = np.array([1.0, 2.0])
+    channels, soil = {"x_m": place, "y_m": place, "slip": place}, np.array(["sand", None], dtype=object)
+    wheel = WheelTable(channels, None, None, tmp_path, soil, {"slip": "s"})
+    recording = Recording("a", tmp_path, None, None, "", "0", wheel=wheel)
+    found = moved(recording, Placement("farm", None, Offset(1.0, 0.0, 0.0))).wheel
+    assert found["x_m"].tolist() == [2.0, 3.0]
+    assert found.soil is wheel.soil
+    assert found.column_names == {"slip": "s"}
 
 
 @pytest.mark.parametrize(("heading", "other"), [(0.0, 0.0), (35.0, -120.0)])

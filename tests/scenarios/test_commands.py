@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import soundfile
 from bevameter.audio import train as audio_train
-from bevameter.audio import vibration
+from bevameter.audio import vibration_train
 from bevameter.database.store import TerrainDatabase
 from bevameter.framework import traverse
 from bevameter.framework.cli.main import app
@@ -312,7 +312,7 @@ MADE = {"vision": (ground, "png"), "audio": (crackle, "wav"), "vibration": (shak
 
 @pytest.mark.parametrize("sense", MADE)
 def test_a_sense_is_trained_and_used(sense, tmp_path, rng, monkeypatch):
-    for module in (vision_train, audio_train, vibration):
+    for module in (vision_train, audio_train, vibration_train):
         monkeypatch.setattr(module, "CANDIDATES", ("logistic",))
     make, suffix = MADE[sense]
     for coarse in (False, True):

@@ -11,6 +11,7 @@ from sklearn.covariance import LedoitWolf
 
 FALSE_REJECTION_RATE = 0.02
 """Share of held-out, in-distribution items that the gate may turn away."""
+_ROUNDING = 1e-3
 
 
 def room(distance: np.ndarray) -> np.ndarray:
@@ -44,6 +45,7 @@ class Gate:
         if len(parts) > 1:
             for number, ((first, last), part) in enumerate(zip(pairwise((0, *ends)), parts, strict=True)):
                 usual = gate_threshold(part.distance(z[:, first:last]), weight)
+                usual = usual if usual > _ROUNDING else 1.0  # of one item a class nothing is known of what is usual
                 parts[number] = Gate(part.whitening / usual, part.centres / usual, part.ends)
         whitening = np.asarray(block_diag(*(part.whitening for part in parts)))
         return Gate(whitening, np.concatenate([part.centres for part in parts], axis=1), ends)

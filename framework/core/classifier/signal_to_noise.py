@@ -141,7 +141,7 @@ def checked_numbers(settings: object, sizes: dict[str, int | None]) -> dict[str,
         size = sizes[name]
         try:
             value = parts[name] = np.asarray(given, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ValueError(f"{name} of the noise model is damaged") from None
         if value.shape != (() if size is None else (size,)) or not np.isfinite(value).all():
             raise ValueError(f"{name} of the noise model is damaged")
