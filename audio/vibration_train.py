@@ -29,7 +29,9 @@ FADED = 0.02
 """Least share of the vibration that is left in faded copies [-]: they teach how noise shows where nothing else does."""
 DROWNED_DB = -7.0
 """Vibration over what is none of the ground's, below which nothing is to be trusted [dB]: of 48 real runs, windows held
-out are recognised half as often there, chance aside. Such windows teach what noise is, not what ground feels like."""
+out are recognised half as often there, chance aside."""
+USABLE_DB = 5.0
+"""Copies with more noise than this teach what noise is, not what ground feels like [dB]."""
 
 
 def train_vibration(
@@ -137,7 +139,7 @@ def _train(
         "inertial": list(channels.inertial), "drive": list(channels.drive), "speed": list(channels.speed),
         "fill": np.round(fill, 9).tolist(), "quietest": quietest, "noise": noise.settings(),
     }  # fmt: skip
-    taught = (snr_dB >= DROWNED_DB) & ~np.concatenate([np.zeros(len(order) - len(worse), dtype=bool), faded])
+    taught = (snr_dB >= USABLE_DB) & ~np.concatenate([np.zeros(len(order) - len(worse), dtype=bool), faded])
     mounting = len(channels.names) - channels.of_mounting
     order = order[taught]
     return TerrainClassifier.train(
