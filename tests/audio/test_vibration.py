@@ -171,7 +171,7 @@ def test_every_fault_leaves_a_whole_run_and_keeps_gaps(labelled, rng):
 
 def test_noise_costs_quality_says_so_and_ends_unknown(outcome, labelled):
     run = read_vibration_run(labelled / "imu_0.csv.gz")
-    found = [vibration_evidence(each, outcome.classifier)[2] for each in (run, with_tone(run, 8), with_tone(run, -8))]
+    found = [vibration_evidence(each, outcome.classifier)[2] for each in (run, with_tone(run, 16), with_tone(run, -8))]
     quality = [evidence.quality.mean() for evidence in found]
     assert quality[0] > 0.9
     assert quality[0] > quality[1] > quality[2]
