@@ -171,13 +171,14 @@ def test_every_fault_leaves_a_whole_run_and_keeps_gaps(labelled, rng):
 
 def test_noise_costs_quality_says_so_and_ends_unknown(outcome, labelled):
     run = read_vibration_run(labelled / "imu_0.csv.gz")
-    found = [vibration_evidence(each, outcome.classifier)[2] for each in (run, with_tone(run, 16), with_tone(run, -8))]
+    runs = (run, *(with_tone(run, above_dB) for above_dB in (16, 12, 8, -8)))
+    found = [vibration_evidence(each, outcome.classifier)[2] for each in runs]
     quality = [evidence.quality.mean() for evidence in found]
     assert quality[0] > 0.9
-    assert quality[0] > quality[1] > quality[2]
-    assert quality[2] < 0.1
-    assert found[2].unknown.mean() > 0.9
-    assert all(any("noise or a poor sensor" in reason for reason in said) for said in found[2].reasons)
+    assert quality[0] > quality[1] > quality[2] > quality[3] >= quality[4]
+    assert quality[4] < 0.1
+    assert found[4].unknown.mean() > 0.9
+    assert all(any("noise or a poor sensor" in reason for reason in said) for said in found[4].reasons)
 
 
 @pytest.mark.parametrize("level", [0.05, 0.3, 1.0])

@@ -31,3 +31,11 @@ def test_a_model_comes_back_from_its_settings(squares, rng):
     np.testing.assert_allclose(again.estimate(inputs), model.estimate(inputs), atol=1e-6)
     with pytest.raises(ValueError, match="noise model"):
         SignalToNoise.from_settings(model.settings() | {"coefficient": [1.0, 1.0, 1.0]}, 2)
+
+
+def test_clean_data_keep_their_quality_where_noise_does_not_show(rng):
+    inputs, groups = rng.normal(size=(400, 5)), np.arange(400) % 8
+    snr_dB = np.where(np.arange(400) % 2, NOISE_FREE_DB, rng.uniform(-10, 20, 400))
+    noise, held_dB = SignalToNoise.fit(inputs, snr_dB, groups, drowned_dB=0.0)
+    clean = snr_dB >= NOISE_FREE_DB
+    assert noise.clear(held_dB)[clean].min() > 0.5

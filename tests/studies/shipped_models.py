@@ -140,7 +140,7 @@ def vision_real(data: Path) -> Made:
 
 
 def images_of_noise(rng: np.random.Generator) -> list[np.ndarray]:
-    """Make images of nothing but noise, in colour or in brightness, of a standard deviation of 20 to 80 of 255."""
+    """Generate pure-noise images, colour or greyscale, with a standard deviation of 20 to 80 (8-bit scale)."""
     noise = [
         rng.normal(128, rng.uniform(20, 80), (480, 640, 1 + 2 * (number % 2))) * np.ones(3)
         for number in range(NOISE_IMAGES)

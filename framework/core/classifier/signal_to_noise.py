@@ -14,8 +14,8 @@ import numpy as np
 NOISE_FREE_DB = 35.0
 """What is said of training data as they came [dB]: their own noise is not known, and more would change nothing."""
 _APART_DB, _WIDE_DB = 3.0, 20.0
-"""How far the usual estimates of drowned and of clean data have to lie apart; and for how far below those of clean data
-the quality falls, where they do not, or where nothing was drowned [dB]."""
+"""Minimum separation of the estimates for clean and noisy training data, and the width of the range over which quality
+falls where they are not separated or no noisy data exist [dB]."""
 _DEEPEST_DB = 15.0
 """So far below the ratio at which nothing can be trusted, ratios are not distinguished [dB]."""
 _LIMIT = 6.0
@@ -94,7 +94,7 @@ class SignalToNoise:
         high = float(np.quantile(held[alpha][free], 0.25))
         low = float(np.median(held[alpha][drowned])) if drowned.any() else high
         if low > high - _APART_DB:
-            low = high - _WIDE_DB  # noise cannot be told from clean data here: no such data must count as drowned
+            low = high - _WIDE_DB  # the estimates do not separate clean from noisy data: do not reject clean data
         model = SignalToNoise(mean, scale, ridge.coef_, float(ridge.intercept_), low, high)
         return model, held[alpha]
 
